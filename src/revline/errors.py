@@ -1,0 +1,80 @@
+"""Every error that revline raises on purpose, on one page.
+
+Each message names the quantity, its value with unit, the limit, and what to do; the numbers stand in `details` too.
+Two families decide the exit status of the command line: wrong input (2) and an analysis that could not be completed (1).
+"""
+
+from types import MappingProxyType
+from typing import ClassVar
+
+Detail = float | str
+
+
+class RevlineError(Exception):
+    """Base of all errors raised on purpose.
+
+    Args:
+        message: what happened, where, and how to mend it.
+        details: the numbers of the message, by name.
+    """
+
+    exit_status: ClassVar[int] = 1
+
+    def __init__(self, message: str, **details: Detail) -> None:
+        super().__init__(message)
+        self.details = MappingProxyType(details)
+
+
+class InvalidInputError(RevlineError, ValueError):
+    """What was given cannot be worked with: a value, a file, a combination of options."""
+
+    exit_status: ClassVar[int] = 2
+
+
+class AnalysisError(RevlineError):
+    """The input is sound, but the analysis could not be completed."""
+
+
+class NoTrimError(AnalysisError):
+    """No steady operating point was found; the message says how close the search came."""
+
+
+class SimulationError(AnalysisError):
+    """A simulation ended before its time; `details` has time, state and lag."""
+
+
+class StalledError(SimulationError):
+    """A state left the range in which the model means anything: an engine's speed fell to zero."""
+
+
+class LagError(SimulationError):
+    """A lag fell to the step or below, is not finite, or the delayed time ran backwards."""
+
+
+class DivergedError(SimulationError):
+    """A state grew beyond all bounds or stopped being a number."""
+
+
+class NotSettledError(AnalysisError):
+    """A periodic or a steady response was not reached within the allowed time."""
+
+
+class NotConvergedError(AnalysisError):
+    """An iteration stopped short of its tolerance."""
+
+
+class PartialResultError(AnalysisError):
+    """A study was interrupted; what is finished is kept and says that it is partial."""
+
+
+def out_of_range(quantity: str, value: float, unit: str, limit: str, remedy: str) -> InvalidInputError:
+    """Build the error for a value outside its range.
+
+    Args:
+        quantity: what is wrong, as the user knows it.
+        value: the value given.
+        unit: its unit symbol.
+        limit: the range in words and numbers, for example "0 to 90 deg".
+        remedy: what to do.
+    """
+    return InvalidInputError(f"{quantity} = {value:g} {unit} is outside {limit}; {remedy}", quantity=quantity, value=value, limit=limit)

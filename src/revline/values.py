@@ -1,0 +1,70 @@
+"""Frozen values: read-only arrays, and a fingerprint of the content of any value."""
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from enum import Enum
+
+import numpy as np
+
+from revline.errors import InvalidInputError
+
+
+def make_read_only(value: object) -> None:
+    """Lock every array field of a frozen dataclass, so that a result cannot change after it was checked."""
+    if not is_dataclass(value):
+        message = f"{type(value).__name__} is no dataclass"
+        raise TypeError(message)
+    for field in fields(value):
+        entry = getattr(value, field.name)
+        if isinstance(entry, np.ndarray):
+            entry.setflags(write=False)
+
+
+def fingerprint(*values: object) -> str:
+    """Digest the content of values: equal content gives equal text, in any process and on any day.
+
+    Args:
+        values: numbers, strings, arrays, enums, tuples, mappings and dataclasses of these; an object with an attribute
+            `content_digest` (a system: its equations and parameters) stands for that text.
+
+    Returns:
+        32 hexadecimal digits.
+
+    Raises:
+        InvalidInputError: a value has no content that could be digested.
+    """
+    digest = hashlib.sha256()
+    for part in _parts(values):
+        digest.update(len(part).to_bytes(8, "little"))
+        digest.update(part)
+    return digest.hexdigest()[:32]
+
+
+def _parts(value: object) -> Iterator[bytes]:
+    own = getattr(value, "content_digest", None)
+    if isinstance(own, str):
+        yield own.encode()
+    elif value is None or isinstance(value, bool | int | float | complex | str | bytes):
+        yield f"{type(value).__name__}:{value!r}".encode()
+    elif isinstance(value, Enum):
+        yield f"{type(value).__name__}.{value.name}".encode()
+    elif isinstance(value, np.ndarray | np.generic):
+        array = np.ascontiguousarray(value)
+        yield f"array:{array.dtype.str}:{array.shape}".encode()
+        yield array.tobytes()
+    elif isinstance(value, Mapping):
+        for key in sorted(value, key=repr):
+            yield from _parts((key, value[key]))
+    elif isinstance(value, tuple | list | frozenset):
+        yield f"{type(value).__name__}:{len(value)}".encode()
+        for item in sorted(value, key=repr) if isinstance(value, frozenset) else value:
+            yield from _parts(item)
+    elif is_dataclass(value):
+        yield type(value).__name__.encode()
+        for field in fields(value):
+            yield field.name.encode()
+            yield from _parts(getattr(value, field.name))
+    else:
+        message = f"no fingerprint for a value of type {type(value).__name__}: give numbers, texts, arrays or frozen records of them"
+        raise InvalidInputError(message, type=type(value).__name__)
