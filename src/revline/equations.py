@@ -43,7 +43,8 @@ class Traced:
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: object, **_: object) -> "Traced":
         if ufunc.__name__ not in ALLOWED_FUNCTIONS or method != "__call__":
-            message = f"an equation calls numpy.{ufunc.__name__}, which does not keep derivatives; use one of {', '.join(sorted(ALLOWED_FUNCTIONS))}"
+            allowed = ", ".join(sorted(ALLOWED_FUNCTIONS))
+            message = f"an equation calls numpy.{ufunc.__name__}, which does not keep derivatives; use one of {allowed}"
             raise InvalidInputError(message, function=ufunc.__name__)
         return Traced(frozenset[str]().union(*(item.sources for item in inputs if isinstance(item, Traced))))
 
@@ -61,7 +62,7 @@ class Traced:
         message = "an equation decides on a value (if, <, >, == or abs); write the limit with numpy.minimum or numpy.maximum"
         raise InvalidInputError(message)
 
-    __bool__ = __lt__ = __le__ = __gt__ = __ge__ = __eq__ = __ne__ = __abs__ = __float__ = __complex__ = __int__ = _refuse  # type: ignore[assignment]
+    __bool__ = __lt__ = __le__ = __gt__ = __ge__ = __eq__ = __ne__ = __abs__ = __float__ = __complex__ = __int__ = _refuse
 
 
 def trace(function: Equation, parameters: object, *arguments: tuple[str, int]) -> tuple[frozenset[str], ...]:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from revline.equations import Equation, equation_digest, trace
-from revline.errors import InvalidInputError
+from revline.errors import InvalidInputError, out_of_range
 from revline.values import fingerprint
 
 Floats = NDArray[np.float64]
@@ -100,7 +100,8 @@ class DelaySystem:
         for k, sources in enumerate(structure.lags):
             later = {f"zd{j}" for j in range(k, len(self.channels))}
             if sources & later:
-                message = f"{self.name}: the lag of channel {self.channels[k].name} depends on its own or a later channel's reading; order the channels so that it reads earlier ones only"
+                channel = self.channels[k].name
+                message = f"{self.name}: the lag of channel {channel} depends on its own or a later channel's reading; order the channels"
                 raise InvalidInputError(message)
 
     @functools.cached_property
@@ -161,8 +162,8 @@ def check_range(variable: Variable, value: float) -> None:
         InvalidInputError: the value is not finite or outside `low` to `high`.
     """
     if not (math.isfinite(value) and variable.low <= value <= variable.high):
-        message = f"{variable.name} = {value:g} {variable.unit} is outside {variable.low:g} to {variable.high:g} {variable.unit}; give a value in that range"
-        raise InvalidInputError(message, quantity=variable.name, value=value, low=variable.low, high=variable.high)
+        limit = f"{variable.low:g} to {variable.high:g} {variable.unit}"
+        raise out_of_range(variable.name, value, variable.unit, limit, "give a value in that range")
 
 
 def index_of(variables: Sequence[Variable], name: str) -> int:

@@ -45,15 +45,19 @@ def _parts(value: object) -> Iterator[bytes]:
     own = getattr(value, "content_digest", None)
     if isinstance(own, str):
         yield own.encode()
-    elif value is None or isinstance(value, bool | int | float | complex | str | bytes):
-        yield f"{type(value).__name__}:{value!r}".encode()
     elif isinstance(value, Enum):
         yield f"{type(value).__name__}.{value.name}".encode()
-    elif isinstance(value, np.ndarray | np.generic):
-        array = np.ascontiguousarray(value)
-        yield f"array:{array.dtype.str}:{array.shape}".encode()
-        yield array.tobytes()
-    elif isinstance(value, Mapping):
+    elif value is None or isinstance(value, bool | int | float | complex | str | bytes):
+        yield f"{type(value).__name__}:{value!r}".encode()
+    elif isinstance(value, np.ndarray):
+        yield f"array:{value.dtype.str}:{value.shape}".encode()
+        yield np.ascontiguousarray(value).tobytes()
+    else:
+        yield from _inner_parts(value)
+
+
+def _inner_parts(value: object) -> Iterator[bytes]:
+    if isinstance(value, Mapping):
         for key in sorted(value, key=repr):
             yield from _parts((key, value[key]))
     elif isinstance(value, tuple | list | frozenset):

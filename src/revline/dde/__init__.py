@@ -1,0 +1,1 @@
+"""Delay differential equations: history, breakpoints, compiled integration. Numerics only."""

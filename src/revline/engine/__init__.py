@@ -1,0 +1,1 @@
+"""Physics of engines as parts and assemblies."""

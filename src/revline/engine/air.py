@@ -123,7 +123,10 @@ def thesis_efficiency(efficiency: ThesisEfficiency, mass: Kilograms, speed: Radi
 
 @equation
 def generic_efficiency(efficiency: GenericEfficiency, mass: Kilograms, speed: RadiansPerSecond) -> Dimensionless:  # noqa: ARG001 - one signature for both
-    """Volumetric efficiency over speed alone, made continuous where its two pieces meet (they miss by 1.3e-7). Source: Lee (1995), section 2."""
+    """Volumetric efficiency over speed alone, made continuous where its pieces meet (they miss by 1.3e-7).
+
+    Source: Lee (1995), section 2.
+    """
     slow = np.minimum(speed, efficiency.change_speed)
     fast = np.maximum(speed, efficiency.change_speed)
     line = efficiency.line_constant + efficiency.line_slope * (slow - efficiency.line_origin)

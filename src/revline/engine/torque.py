@@ -12,8 +12,8 @@ from revline.units import (
     DEGREE,
     Degrees,
     Dimensionless,
-    KilogramSquareMetres,
     KilogramsPerRadian,
+    KilogramSquareMetres,
     NewtonMetres,
     NewtonMetreSeconds,
     NewtonMetresPerKilogram,
@@ -32,14 +32,20 @@ class Mixture(NamedTuple):
 
 
 class Spark(NamedTuple):
-    """Influence of the spark advance. `best_torque_angle` (MBT) only shifts an absolute angle: the input is relative to it. Source: Lee (1995), section 2."""
+    """Influence of the spark advance; `best_torque_angle` (MBT) only shifts an absolute angle, the input is relative to it.
+
+    Source: Lee (1995), section 2.
+    """
 
     best_torque_angle: Degrees
     exponent: Dimensionless
 
 
 class Delays(NamedTuple):
-    """Crank angles from intake and from spark to torque; over speed they are lags. Source: Lee (1995), eqs. 2.13 and 2.14; Moskwa and Hedrick (1992)."""
+    """Crank angles from intake and from spark to torque; over speed they are lags.
+
+    Source: Lee (1995), eqs. 2.13 and 2.14; Moskwa and Hedrick (1992).
+    """
 
     intake_to_torque: Radians
     spark_to_torque: Radians

@@ -1,0 +1,1 @@
+"""Files: engines, responses, controllers, runs, results."""

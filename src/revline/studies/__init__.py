@@ -1,0 +1,1 @@
+"""The whole study as one chain of values."""
