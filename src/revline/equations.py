@@ -26,6 +26,10 @@ ALLOWED_FUNCTIONS = frozenset(
 """Functions of numpy that an equation may call: each compiles and keeps its derivative on complex numbers."""
 
 
+LIBRARIES = frozenset({"numpy", "numba"})
+"""Packages whose functions are not looked into: their version is the compiler's."""
+
+
 def equation(function: Callable[P, R]) -> Callable[P, R]:
     """Mark a function as an equation: scalars in, a scalar or a tuple of scalars out, no `if` on values."""
     function.__dict__["is_equation"] = True
@@ -116,7 +120,7 @@ def reached_functions(*functions: Equation) -> tuple[FunctionType, ...]:
     order: dict[int, FunctionType] = {}
 
     def visit(value: object) -> None:
-        if isinstance(value, FunctionType) and value.__module__ != "numpy" and id(value) not in order:
+        if isinstance(value, FunctionType) and not _is_library(value) and id(value) not in order:
             for _, entry in _names(value):
                 visit(entry)
             order[id(value)] = value
@@ -126,8 +130,13 @@ def reached_functions(*functions: Equation) -> tuple[FunctionType, ...]:
     return tuple(order.values())
 
 
+def _is_library(function: FunctionType) -> bool:
+    """Whether a function belongs to a library that compiles by its own means."""
+    return str(function.__module__).partition(".")[0] in LIBRARIES
+
+
 def _reached(value: object, seen: set[int]) -> Iterator[str]:
-    if isinstance(value, FunctionType):
+    if isinstance(value, FunctionType) and not _is_library(value):
         if id(value) in seen:
             return
         seen.add(id(value))
@@ -146,8 +155,12 @@ def _reached(value: object, seen: set[int]) -> Iterator[str]:
     elif isinstance(value, tuple):
         for entry in value:
             yield from _reached(entry, seen)
-    else:
+    elif value is None or isinstance(value, bool | int | float | complex | str | bytes):
         yield repr(value)
+    elif isinstance(value, np.ndarray):
+        yield f"{value.dtype} {value.tolist()!r}"
+    else:
+        yield f"{type(value).__qualname__} {getattr(value, '__name__', '')}"
 
 
 def _code_parts(code: CodeType) -> Iterator[str]:
