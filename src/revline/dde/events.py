@@ -8,7 +8,7 @@ Source: Bellen and Zennaro (2003), Numerical Methods for Delay Differential Equa
 
 from typing import Any
 
-from revline.dde.history import SMOOTH, pending_boundary
+from revline.dde.history import SMOOTH, move_to_segment, pending_boundary
 from revline.dde.run import SEGMENT_ORDERS, SEGMENT_TIME, Record
 from revline.dde.tables import breaks_of, record_of, segments_of, terms_of
 from revline.signals import NEVER, evaluate_term
@@ -96,7 +96,7 @@ def take_reading_orders(s: Record, count: int) -> None:
         boundary = pending_boundary(s, channel)
         while boundary > 0 and s.read_time[channel] >= segments[boundary, SEGMENT_TIME] - LANDED * s.step:
             s.reading_orders[channel] = min(s.reading_orders[channel], int(segments[boundary, SEGMENT_ORDERS + channel]))
-            s.segment[channel] = boundary
+            move_to_segment(s, channel, boundary)
             boundary = pending_boundary(s, channel)
 
 

@@ -45,11 +45,16 @@ def find_stencil(s: Record, channel: int, time: float) -> tuple[int, int]:
         node += 1
     s.node[channel] = node
     count = min(CUBIC, last - first + 1)
-    return min(max(node - 1, first), last - count + 1), count
+    stencil = min(max(node - 1, first), last - count + 1)
+    if node + 2 <= last and nodes[stencil + 3, NODE_UNIFORM] >= 3.0:
+        s.cell_start[channel], s.cell_end[channel], s.cell_stencil[channel] = nodes[node, NODE_TIME], nodes[node + 1, NODE_TIME], stencil
+    return stencil, count
 
 
 def read_cubic(s: Record, channel: int, time: float) -> float:
-    """Value that entered a channel at a time, by a cubic."""
+    """Value that entered a channel at a time, by a cubic; most readings fall into the cell of the one before."""
+    if s.cell_start[channel] <= time < s.cell_end[channel]:
+        return uniform_cubic(s, channel, s.cell_stencil[channel], time)
     nodes = nodes_of(s)
     first, count = find_stencil(s, channel, time)
     if count == 0:
@@ -156,4 +161,11 @@ def pass_smooth_boundaries(s: Record, channel: int) -> None:
         and s.read_time[channel] >= segments[segment + 1, SEGMENT_TIME]
     ):
         segment += 1
-    s.segment[channel] = segment
+    move_to_segment(s, channel, segment)
+
+
+def move_to_segment(s: Record, channel: int, segment: int) -> None:
+    """Let a channel read from a segment."""
+    if segment != s.segment[channel]:
+        s.segment[channel] = segment
+        s.cell_end[channel] = s.cell_start[channel]

@@ -66,6 +66,7 @@ class Specialisation:
     digest: str
     sizes: tuple[int, int, int, int]
     method: Method
+    chained: bool
     equations: tuple[Equation, Equation, Equation, Equation] = field(compare=False, repr=False)
 
 
@@ -80,7 +81,8 @@ def build_kernel(system: DelaySystem, method: Method = STANDARD) -> Kernel:
         A compiled function of parameters, and state (an array of one record); it advances the run and returns a status.
     """
     sizes = (len(system.states), len(system.inputs), len(system.channels), len(system.outputs))
-    return _build(Specialisation(system.equation_digest, sizes, method, (system.emit, system.lags, system.rate, system.output)))
+    chained = any(name.startswith("zd") for sources in system.structure.lags for name in sources)
+    return _build(Specialisation(system.equation_digest, sizes, method, chained, (system.emit, system.lags, system.rate, system.output)))
 
 
 @functools.cache
@@ -285,7 +287,7 @@ def _make_evaluators(special: Specialisation) -> tuple[Part, Part, Part]:
     def read_nothing(p: Any, s: Record, x: Floats, time: float, zd: Floats, read_time: Floats) -> None:
         pass
 
-    def read_all(p: Any, s: Record, x: Floats, time: float, zd: Floats, read_time: Floats) -> None:
+    def read_in_order(p: Any, s: Record, x: Floats, time: float, zd: Floats, read_time: Floats) -> None:
         for channel in range(n_channels):  # a lag may depend on an earlier channel's reading
             read_time[channel] = time - lags(p, pack_x(x), pack_u(s.u), pack_z(zd))[channel]
             zd[channel] = read(s, channel, read_time[channel])
@@ -304,7 +306,14 @@ def _make_evaluators(special: Specialisation) -> tuple[Part, Part, Part]:
             unpack_y(output(p, pack_x(s.x), pack_u(s.u), pack_z(s.zd)), row[1 + n_states + n_inputs :])
             s.stored += 1
 
-    return (read_nothing if n_channels == 0 else read_all), emit_into, store
+    def read_at_once(p: Any, s: Record, x: Floats, time: float, zd: Floats, read_time: Floats) -> None:
+        lag = lags(p, pack_x(x), pack_u(s.u), pack_z(zd))
+        for channel in range(n_channels):
+            read_time[channel] = time - lag[channel]
+            zd[channel] = read(s, channel, read_time[channel])
+
+    read_some = read_in_order if special.chained else read_at_once
+    return (read_nothing if n_channels == 0 else read_some), emit_into, store
 
 
 def _make_pack(size: int) -> Part:

@@ -324,6 +324,7 @@ def make_room(run: "Run", steps: int) -> "Run":
     nodes[: count - first] = run.nodes[first:count]
     s["segment"] = np.maximum(s["segment"] - dropped, 0)
     s["node"] = np.maximum(s["node"] - first, 0)
+    s["cell_end"] = s["cell_start"]
     s["node_count"], s["newest_segment"] = count - first, newest - dropped
     return Run(state=run.state, nodes=nodes, segments=segments)
 
