@@ -36,9 +36,21 @@ ROOM_SEGMENTS = 8
 MOST_STAGES = 8
 
 
+SMALLEST_WIDTH = 8
+"""Width of the state's vectors: systems of like size share one layout, and with it the compiled parts that know no equations."""
+
+
+def width_for(count: int) -> int:
+    """Width of the vectors for a number of signals: the smallest, doubled until it holds them."""
+    width = SMALLEST_WIDTH
+    while width < count:
+        width *= 2
+    return width
+
+
 def state_type(system: DelaySystem) -> np.dtype[np.void]:
-    """Layout of a run's state for a system's numbers of signals; none is laid out as one that is not used."""
-    n, m, c = (max(1, len(signals)) for signals in (system.states, system.inputs, system.channels))
+    """Layout of a run's state; the vectors are as wide as `width_for` says and zero beyond the system's signals."""
+    n, m, c = (width_for(len(signals)) for signals in (system.states, system.inputs, system.channels))
     floats, integers = "f8", "i8"
     return np.dtype(
         [
