@@ -7,6 +7,7 @@ traced here for what depends on what. The trace also refuses what would break th
 import dis
 import functools
 import hashlib
+import re
 from collections.abc import Callable, Iterator
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, ParamSpec, TypeVar
@@ -62,11 +63,24 @@ class Traced:
     __truediv__ = __rtruediv__ = __pow__ = __rpow__ = _combine
     __neg__ = __pos__ = _unary
 
-    def _refuse(self, *_: object) -> bool:
+    def _refuse_decision(self, *_: object) -> bool:
         message = "an equation decides on a value (if, <, >, == or abs); write the limit with numpy.minimum or numpy.maximum"
         raise InvalidInputError(message)
 
-    __bool__ = __lt__ = __le__ = __gt__ = __ge__ = __eq__ = __ne__ = __abs__ = __float__ = __complex__ = __int__ = _refuse
+    def _refuse_rounding(self, *_: object) -> Any:
+        message = "an equation rounds a value (//, %, round or int), which has no derivative; write it without"
+        raise InvalidInputError(message)
+
+    def _refuse_conversion(self) -> Any:
+        message = (
+            "an equation turns a value into a plain float (float or a function of math), which loses its derivative; use numpy's functions"
+        )
+        raise InvalidInputError(message)
+
+    __bool__ = __lt__ = __le__ = __gt__ = __ge__ = __eq__ = __ne__ = __abs__ = _refuse_decision
+    __floordiv__ = __rfloordiv__ = __mod__ = __rmod__ = __divmod__ = __rdivmod__ = _refuse_rounding
+    __round__ = __trunc__ = __floor__ = __ceil__ = __int__ = __index__ = _refuse_rounding
+    __float__ = __complex__ = _refuse_conversion
 
 
 def trace(function: Equation, parameters: object, *arguments: tuple[str, int]) -> tuple[frozenset[str], ...]:
@@ -81,11 +95,18 @@ def trace(function: Equation, parameters: object, *arguments: tuple[str, int]) -
         For each result the names it depends on, for example frozenset({"x0", "u2"}).
 
     Raises:
-        InvalidInputError: the equation branches on a value, calls a function without derivative, or returns anything
-            but a tuple of floating-point scalars.
+        InvalidInputError: the equation fails, branches on a value, calls a function without derivative, or returns
+            anything but a tuple of floating-point scalars.
     """
     vectors = [tuple(Traced(frozenset({f"{letter}{k}"})) for k in range(length)) for letter, length in arguments]
-    results = function(parameters, *vectors)
+    try:
+        results = function(parameters, *vectors)
+    except InvalidInputError:
+        raise
+    except (ArithmeticError, AttributeError, LookupError, NameError, TypeError, ValueError) as error:
+        given = ", ".join(f"{length} {letter}" for letter, length in arguments)
+        message = f"equation {function.__name__} fails with its parameters and {given}: {type(error).__name__}: {error}"
+        raise InvalidInputError(message) from error
     if not isinstance(results, tuple):
         message = f"equation {function.__name__} returns {type(results).__name__}; return a tuple of scalars, also for one result: (value,)"
         raise InvalidInputError(message)
@@ -117,17 +138,19 @@ def equation_digest(*functions: Equation) -> str:
 
 def reached_functions(*functions: Equation) -> tuple[FunctionType, ...]:
     """List the plain functions that equations call, themselves included, callees first."""
-    order: dict[int, FunctionType] = {}
+    order: list[FunctionType] = []
+    seen: set[int] = set()
 
     def visit(value: object) -> None:
-        if isinstance(value, FunctionType) and not _is_library(value) and id(value) not in order:
+        if isinstance(value, FunctionType) and not _is_library(value) and id(value) not in seen:
+            seen.add(id(value))
             for _, entry in _names(value):
                 visit(entry)
-            order[id(value)] = value
+            order.append(value)
 
     for function in functions:
         visit(function)
-    return tuple(order.values())
+    return tuple(order)
 
 
 def _is_library(function: FunctionType) -> bool:
@@ -136,31 +159,41 @@ def _is_library(function: FunctionType) -> bool:
 
 
 def _reached(value: object, seen: set[int]) -> Iterator[str]:
+    compiled = getattr(value, "py_func", None)
     if isinstance(value, FunctionType) and not _is_library(value):
-        if id(value) in seen:
-            return
-        seen.add(id(value))
-        yield from _code_parts(value.__code__)
-        for default in value.__defaults__ or ():
-            yield from _reached(default, seen)
-        for name, entry in _names(value):
-            yield name
-            yield from _reached(entry, seen)
-    elif isinstance(value, ModuleType):
-        yield f"module {value.__name__}"
-    elif isinstance(value, type):
-        yield f"class {value.__qualname__} {getattr(value, '_fields', '')}"
-    elif isinstance(value, np.ufunc):
-        yield f"ufunc {value.__name__}"
-    elif isinstance(value, tuple):
+        yield from _reached_by_function(value, seen)
+    elif isinstance(compiled, FunctionType):
+        yield from _reached_by_function(compiled, seen)
+    elif isinstance(value, tuple | list):
+        yield f"{type(value).__name__} {len(value)}"
         for entry in value:
             yield from _reached(entry, seen)
-    elif value is None or isinstance(value, bool | int | float | complex | str | bytes):
-        yield repr(value)
-    elif isinstance(value, np.ndarray):
-        yield f"{value.dtype} {value.tolist()!r}"
     else:
-        yield f"{type(value).__qualname__} {getattr(value, '__name__', '')}"
+        yield _content(value)
+
+
+def _reached_by_function(function: FunctionType, seen: set[int]) -> Iterator[str]:
+    if id(function) in seen:
+        return
+    seen.add(id(function))
+    yield from _code_parts(function.__code__)
+    for default in (*(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).items()):
+        yield from _reached(default, seen)
+    for name, entry in _names(function):
+        yield name
+        yield from _reached(entry, seen)
+
+
+def _content(value: object) -> str:
+    if isinstance(value, ModuleType):
+        return f"module {value.__name__}"
+    if isinstance(value, type):
+        return f"class {value.__qualname__} {getattr(value, '_fields', '')}"
+    if isinstance(value, np.ufunc):
+        return f"ufunc {value.__name__}"
+    if isinstance(value, np.ndarray):
+        return f"array {value.dtype.str} {value.shape} {value.tobytes().hex()}"
+    return re.sub(r" at 0x[0-9a-f]+", "", repr(value))
 
 
 def _code_parts(code: CodeType) -> Iterator[str]:
@@ -170,14 +203,17 @@ def _code_parts(code: CodeType) -> Iterator[str]:
         if isinstance(constant, CodeType):
             yield from _code_parts(constant)
         else:
-            yield repr(constant)
+            yield repr(sorted(constant, key=repr) if isinstance(constant, frozenset) else constant)
 
 
 @functools.cache
 def _global_paths(code: CodeType) -> tuple[tuple[str, ...], ...]:
-    paths: list[tuple[str, ...]] = []
+    """The dotted names that start at a global, those of inner functions and comprehensions included."""
+    paths = [path for constant in code.co_consts if isinstance(constant, CodeType) for path in _global_paths(constant)]
     chain: tuple[str, ...] = ()
     for instruction in dis.get_instructions(code):
+        if instruction.opname == "EXTENDED_ARG":
+            continue
         if instruction.opname in {"LOAD_GLOBAL", "LOAD_NAME"}:
             chain = (str(instruction.argval),)
         elif instruction.opname in {"LOAD_ATTR", "LOAD_METHOD"} and chain:
@@ -198,6 +234,6 @@ def _names(function: FunctionType) -> Iterator[tuple[str, object]]:
             continue
         entry = function.__globals__[path[0]]
         for step in path[1:]:
-            entry = getattr(entry, step, None) if isinstance(entry, ModuleType) else None
+            entry = getattr(entry, step, None) if isinstance(entry, ModuleType | type) else None
         if entry is not None:
             yield ".".join(path), entry

@@ -4,6 +4,8 @@ Each message names the quantity, its value with unit, the limit, and what to do;
 Two families decide the exit status of the command line: wrong input (2) and an analysis that could not be completed (1).
 """
 
+import difflib
+from collections.abc import Iterable
 from types import MappingProxyType
 from typing import ClassVar
 
@@ -78,3 +80,14 @@ def out_of_range(quantity: str, value: float, unit: str, limit: str, remedy: str
         remedy: what to do.
     """
     return InvalidInputError(f"{quantity} = {value:g} {unit} is outside {limit}; {remedy}", quantity=quantity, value=value, limit=limit)
+
+
+def suggestion(name: str, known: Iterable[str]) -> str:
+    """Word a suggestion for a message, such as ', did you mean lee1995?'; empty where no known name resembles the one given.
+
+    Args:
+        name: what was given.
+        known: what there is.
+    """
+    found = difflib.get_close_matches(name.lower(), list(known), n=1)
+    return f", did you mean {found[0]}?" if found else ""

@@ -72,7 +72,7 @@ class DelaySystem:
 
     Raises:
         InvalidInputError: an equation branches on a value, calls a function without derivative, returns the wrong number of results,
-            or a lag depends on its own or a later channel's reading.
+            a lag depends on its own or a later channel's reading, or two signals of a kind bear one name.
     """
 
     name: str
@@ -87,6 +87,12 @@ class DelaySystem:
     output: Equation
 
     def __post_init__(self) -> None:
+        for what in ("states", "inputs", "channels", "outputs"):
+            names = [variable.name for variable in getattr(self, what)]
+            for name in names:
+                if names.count(name) > 1:
+                    message = f"{self.name}: {names.count(name)} {what} are named {name}; give each its own name"
+                    raise InvalidInputError(message)
         structure = self.structure
         for what, count, wanted in (
             ("emit", len(structure.emit), len(self.channels)),
@@ -129,7 +135,14 @@ class DelaySystem:
         )
 
     def with_parameters(self, parameters: object) -> "DelaySystem":
-        """Make the same system with other parameters of the same type."""
+        """Make the same system with other parameters of the same type; a model's own checks of their values are not made again.
+
+        Raises:
+            InvalidInputError: the parameters are of another type.
+        """
+        if type(parameters) is not type(self.parameters):
+            message = f"{self.name} has {type(self.parameters).__name__}, not {type(parameters).__name__}, for parameters; give those"
+            raise InvalidInputError(message)
         return replace(self, parameters=parameters)
 
     def input_vector(self, values: Mapping[str, float] | None = None) -> Floats:

@@ -23,6 +23,14 @@ class Unit:
     symbol: str
 
 
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """What a parameter is, and where its value and its relation come from; stands beside the unit in its annotation."""
+
+    text: str
+    source: str
+
+
 Dimensionless = Annotated[float, Unit("1")]
 Seconds = Annotated[float, Unit("s")]
 Degrees = Annotated[float, Unit("deg")]
@@ -36,6 +44,7 @@ Kilograms = Annotated[float, Unit("kg")]
 PerKilogram = Annotated[float, Unit("1/kg")]
 PerKilogramSquared = Annotated[float, Unit("1/kg2")]
 SecondsPerRadian = Annotated[float, Unit("s/rad")]
+SecondsSquaredPerRadianSquared = Annotated[float, Unit("s2/rad2")]
 SecondsPerRadianKilogram = Annotated[float, Unit("s/(rad kg)")]
 SecondsPerRadianKilogramSquared = Annotated[float, Unit("s/(rad kg2)")]
 KilogramsPerSecond = Annotated[float, Unit("kg/s")]
@@ -60,11 +69,26 @@ def unit_of(record: type, field: str) -> str:
     Returns:
         The symbol, "1" where the field is a plain number.
     """
-    hint = get_type_hints(record, include_extras=True)[field]
-    for note in getattr(hint, "__metadata__", ()):
-        if isinstance(note, Unit):
-            return note.symbol
-    return "1"
+    symbols = [note.symbol for note in _annotations(record, field) if isinstance(note, Unit)]
+    return symbols[0] if symbols else "1"
+
+
+def meaning_of(record: type, field: str) -> Meaning:
+    """Read the meaning and the source that a record's field is annotated with.
+
+    Args:
+        record: class with annotated fields, for example a NamedTuple of parameters.
+        field: name of the field.
+
+    Returns:
+        The annotation; where there is none, the field's name in words and no source.
+    """
+    meanings = [note for note in _annotations(record, field) if isinstance(note, Meaning)]
+    return meanings[0] if meanings else Meaning(field.replace("_", " "), "")
+
+
+def _annotations(record: type, field: str) -> tuple[object, ...]:
+    return getattr(get_type_hints(record, include_extras=True)[field], "__metadata__", ())
 
 
 def speed_to_rpm(speed: RadiansPerSecond) -> float:

@@ -11,14 +11,19 @@ from revline.errors import InvalidInputError
 
 
 def make_read_only(value: object) -> None:
-    """Lock every array field of a frozen dataclass, so that a result cannot change after it was checked."""
+    """Give a frozen dataclass locked copies of its array fields, so that a result cannot change after it was checked.
+
+    The arrays it was made from stay as they are; an array that is locked and owns its data is kept without a copy.
+    """
     if not is_dataclass(value):
         message = f"{type(value).__name__} is no dataclass"
         raise TypeError(message)
     for field in fields(value):
         entry = getattr(value, field.name)
-        if isinstance(entry, np.ndarray):
-            entry.setflags(write=False)
+        if isinstance(entry, np.ndarray) and (entry.flags.writeable or not entry.flags.owndata):
+            copy = entry.copy()
+            copy.setflags(write=False)
+            object.__setattr__(value, field.name, copy)
 
 
 def fingerprint(*values: object) -> str:
@@ -45,11 +50,16 @@ def _parts(value: object) -> Iterator[bytes]:
     own = getattr(value, "content_digest", None)
     if isinstance(own, str):
         yield own.encode()
+    elif isinstance(value, np.generic):
+        yield from _parts(value.item())
     elif isinstance(value, Enum):
         yield f"{type(value).__name__}.{value.name}".encode()
     elif value is None or isinstance(value, bool | int | float | complex | str | bytes):
         yield f"{type(value).__name__}:{value!r}".encode()
     elif isinstance(value, np.ndarray):
+        if value.dtype.hasobject:
+            message = "no fingerprint for an array of Python objects: give an array of numbers"
+            raise InvalidInputError(message)
         yield f"array:{value.dtype.str}:{value.shape}".encode()
         yield np.ascontiguousarray(value).tobytes()
     else:
@@ -58,17 +68,23 @@ def _parts(value: object) -> Iterator[bytes]:
 
 def _inner_parts(value: object) -> Iterator[bytes]:
     if isinstance(value, Mapping):
-        for key in sorted(value, key=repr):
-            yield from _parts((key, value[key]))
+        yield f"mapping:{len(value)}".encode()
+        for entry in sorted(value.items(), key=_sort_key):
+            yield from _parts(entry)
     elif isinstance(value, tuple | list | frozenset):
         yield f"{type(value).__name__}:{len(value)}".encode()
-        for item in sorted(value, key=repr) if isinstance(value, frozenset) else value:
+        for item in sorted(value, key=_sort_key) if isinstance(value, frozenset) else value:
             yield from _parts(item)
-    elif is_dataclass(value):
-        yield type(value).__name__.encode()
+    elif is_dataclass(value) and not isinstance(value, type):
+        yield f"{type(value).__name__}:{len(fields(value))}".encode()
         for field in fields(value):
             yield field.name.encode()
             yield from _parts(getattr(value, field.name))
     else:
         message = f"no fingerprint for a value of type {type(value).__name__}: give numbers, texts, arrays or frozen records of them"
         raise InvalidInputError(message, type=type(value).__name__)
+
+
+def _sort_key(value: object) -> tuple[bytes, ...]:
+    """An order that is the same in every process, which that of texts in a set is not."""
+    return tuple(_parts(value))

@@ -3,7 +3,7 @@
 Source: Lee (1995), eqs. 2.1-2.9, with the data of Cho and Hedrick (1989).
 """
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
@@ -19,12 +19,14 @@ from revline.units import (
     KilojoulesPerKilogramKelvin,
     Kilopascals,
     KilopascalsPerSecond,
+    Meaning,
     PerKilogram,
     PerKilogramSquared,
     RadiansPerSecond,
     SecondsPerRadian,
     SecondsPerRadianKilogram,
     SecondsPerRadianKilogramSquared,
+    SecondsSquaredPerRadianSquared,
 )
 
 WIDE_OPEN = 90.0
@@ -34,20 +36,26 @@ WIDE_OPEN = 90.0
 class Throttle(NamedTuple):
     """Butterfly throttle. Source: Lee (1995), eqs. 2.1-2.3; Cho and Hedrick (1989)."""
 
-    max_flow: KilogramsPerSecond
-    angle_slope: Dimensionless
-    angle_offset: Degrees
-    saturation_angle: Degrees
-    pressure_exponent: Dimensionless
-    ambient_pressure: Kilopascals
+    max_flow: Annotated[KilogramsPerSecond, Meaning("largest air flow through the throttle", "Lee (1995), eq. 2.1; Cho and Hedrick (1989)")]
+    angle_slope: Annotated[
+        Dimensionless, Meaning("slope of the corrected angle over the throttle angle", "Lee (1995), eq. 2.3; Cho and Hedrick (1989)")
+    ]
+    angle_offset: Annotated[Degrees, Meaning("corrected angle of a closed throttle", "Lee (1995), eq. 2.3; Cho and Hedrick (1989)")]
+    saturation_angle: Annotated[
+        Degrees, Meaning("angle from which the throttle counts as fully open; upper limit of controllers", "Lee (1995), eq. 2.3")
+    ]
+    pressure_exponent: Annotated[
+        Dimensionless, Meaning("steepness of the pressure-ratio influence", "Lee (1995), eq. 2.2; Cho and Hedrick (1989)")
+    ]
+    ambient_pressure: Annotated[Kilopascals, Meaning("pressure before the throttle", "Lee (1995), eq. 2.2")]
 
 
 class Manifold(NamedTuple):
     """Intake manifold at constant temperature. Source: Lee (1995), eq. 2.8."""
 
-    volume: CubicMetres
-    temperature: Kelvin
-    gas_constant: KilojoulesPerKilogramKelvin
+    volume: Annotated[CubicMetres, Meaning("volume of the intake manifold", "Lee (1995), eq. 2.8; Cho and Hedrick (1989)")]
+    temperature: Annotated[Kelvin, Meaning("temperature of the air in the manifold", "Lee (1995), eq. 2.8; Cho and Hedrick (1989)")]
+    gas_constant: Annotated[KilojoulesPerKilogramKelvin, Meaning("gas constant of air", "Lee (1995), eq. 2.8")]
 
 
 class ThesisEfficiency(NamedTuple):
@@ -57,29 +65,38 @@ class ThesisEfficiency(NamedTuple):
     come out only with -3.1e4, the value of Cho and Hedrick.
     """
 
-    mass_squared_speed: SecondsPerRadianKilogramSquared
-    mass_squared: PerKilogramSquared
-    mass_speed: SecondsPerRadianKilogram
-    mass: PerKilogram
-    speed: SecondsPerRadian
-    constant: Dimensionless
+    mass_squared_speed: Annotated[
+        SecondsPerRadianKilogramSquared,
+        Meaning("coefficient of squared air mass times speed", "Lee (1995), eq. 2.5; Cho and Hedrick (1989)"),
+    ]
+    mass_squared: Annotated[
+        PerKilogramSquared, Meaning("coefficient of squared air mass", "Cho and Hedrick (1989); misprinted in the listing of Lee (1995)")
+    ]
+    mass_speed: Annotated[
+        SecondsPerRadianKilogram, Meaning("coefficient of air mass times speed", "Lee (1995), eq. 2.5; Cho and Hedrick (1989)")
+    ]
+    mass: Annotated[PerKilogram, Meaning("coefficient of air mass", "Lee (1995), eq. 2.5; Cho and Hedrick (1989)")]
+    speed: Annotated[SecondsPerRadian, Meaning("coefficient of speed", "Lee (1995), eq. 2.5; Cho and Hedrick (1989)")]
+    constant: Annotated[Dimensionless, Meaning("constant part", "Lee (1995), eq. 2.5; Cho and Hedrick (1989)")]
 
 
 class GenericEfficiency(NamedTuple):
-    """Volumetric efficiency as a function of speed alone: a line, then a parabola. Source: Lee (1995), section 2."""
+    """Volumetric efficiency as a function of speed alone: a line, then a parabola. Source: Lee (1995), chapter 2."""
 
-    line_constant: Dimensionless
-    line_slope: SecondsPerRadian
-    line_origin: RadiansPerSecond
-    change_speed: RadiansPerSecond
-    parabola_squared: Dimensionless
-    parabola_slope: SecondsPerRadian
+    line_constant: Annotated[Dimensionless, Meaning("efficiency at the origin of the line", "Lee (1995), chapter 2")]
+    line_slope: Annotated[SecondsPerRadian, Meaning("slope of the line", "Lee (1995), chapter 2")]
+    line_origin: Annotated[RadiansPerSecond, Meaning("speed from which the line is counted", "Lee (1995), chapter 2")]
+    change_speed: Annotated[RadiansPerSecond, Meaning("speed at which the parabola takes over from the line", "Lee (1995), chapter 2")]
+    parabola_squared: Annotated[
+        SecondsSquaredPerRadianSquared, Meaning("coefficient of squared speed in the parabola", "Lee (1995), chapter 2")
+    ]
+    parabola_slope: Annotated[SecondsPerRadian, Meaning("coefficient of speed in the parabola", "Lee (1995), chapter 2")]
 
 
 class Cylinders(NamedTuple):
     """Pumping of the cylinders: displacement over four pi times manifold volume. Source: Lee (1995), eq. 2.9."""
 
-    pumping: Dimensionless
+    pumping: Annotated[Dimensionless, Meaning("displacement over four pi times manifold volume", "Lee (1995), eqs. 2.5 and 2.9")]
 
 
 @equation
@@ -125,7 +142,7 @@ def thesis_efficiency(efficiency: ThesisEfficiency, mass: Kilograms, speed: Radi
 def generic_efficiency(efficiency: GenericEfficiency, mass: Kilograms, speed: RadiansPerSecond) -> Dimensionless:  # noqa: ARG001 - one signature for both
     """Volumetric efficiency over speed alone, made continuous where its pieces meet (they miss by 1.3e-7).
 
-    Source: Lee (1995), section 2.
+    Source: Lee (1995), chapter 2.
     """
     slow = np.minimum(speed, efficiency.change_speed)
     fast = np.maximum(speed, efficiency.change_speed)

@@ -3,6 +3,7 @@
 Source: Lee (1995), chapter 2. The four-state form with EGR and fuel film adds states and leaves these parts as they are.
 """
 
+import math
 from enum import Enum
 from typing import NamedTuple
 
@@ -10,8 +11,9 @@ import numpy as np
 
 from revline.engine import air, torque
 from revline.equations import Equation, equation
-from revline.errors import InvalidInputError
+from revline.errors import InvalidInputError, out_of_range
 from revline.system import DelaySystem, Variable
+from revline.units import unit_of
 
 
 class EfficiencyModel(Enum):
@@ -97,11 +99,12 @@ def lee1995(parameters: EngineParameters = LEE_1995) -> DelaySystem:
         Lee (1995), chapter 2.
     """
     check_parameters(parameters)
+    floats = EngineParameters._make(type(part)._make(map(float, part)) for part in parameters)
     relation = air.thesis_efficiency if isinstance(parameters.efficiency, air.ThesisEfficiency) else air.generic_efficiency
     emit, rate, output = _equations(relation)
     return DelaySystem(
         name="lee1995",
-        parameters=parameters,
+        parameters=floats,
         states=STATES,
         inputs=INPUTS,
         channels=CHANNELS,
@@ -173,17 +176,49 @@ POSITIVE = frozenset(
 """Parameters without which the engine is none: each must be above zero."""
 
 
-def check_parameters(parameters: EngineParameters) -> None:
-    """Refuse parameters that are no finite numbers, or not above zero where physics asks for it.
+def lee1995_parameters(engine: DelaySystem) -> EngineParameters:
+    """Give the parameters of an engine that `lee1995` built, from which it can be built again.
 
     Raises:
-        InvalidInputError: names the part, the parameter, its value and the limit.
+        InvalidInputError: the engine is another model, or its equations or signals were changed.
+    """
+    parameters = engine.parameters
+    if not isinstance(parameters, EngineParameters):
+        message = f"{engine.name} is no engine of Lee (1995): its parameters are {type(parameters).__name__}, not EngineParameters"
+        raise InvalidInputError(message, name=engine.name)
+    again = lee1995(parameters)
+    changed = [
+        what for what in ("equation_digest", "states", "inputs", "channels", "outputs") if getattr(engine, what) != getattr(again, what)
+    ]
+    if changed:
+        message = (
+            f"{engine.name} differs from the engine of Lee (1995) in its {', '.join(changed)}, beyond parameters: keep it as Python code"
+        )
+        raise InvalidInputError(message, name=engine.name)
+    return again.parameters
+
+
+def check_parameters(parameters: EngineParameters) -> None:
+    """Refuse parameters that are no finite numbers, or outside the range that physics asks for.
+
+    Raises:
+        InvalidInputError: names the part, the parameter, its value and the limit; `details` has `quantity` and `value`.
     """
     for section, part in zip(EngineParameters._fields, parameters, strict=True):
         for name, value in zip(part._fields, part, strict=True):
-            if not np.isfinite(value):
-                message = f"{section}.{name} = {value} is no finite number; give one"
-                raise InvalidInputError(message, quantity=f"{section}.{name}")
-            if name in POSITIVE and value <= 0.0:
-                message = f"{section}.{name} = {value:g} must be above 0; mend the engine file"
-                raise InvalidInputError(message, quantity=f"{section}.{name}", value=value)
+            _check_parameter(f"{section}.{name}", value, unit_of(type(part), name))
+
+
+def _check_parameter(quantity: str, value: object, unit: str) -> None:
+    if isinstance(value, bool) or not isinstance(value, float | int | np.floating | np.integer):
+        message = f"{quantity} = {value!r} is of type {type(value).__name__}; give a number in {unit}"
+        raise InvalidInputError(message, quantity=quantity, value=repr(value))
+    if not math.isfinite(value):
+        message = f"{quantity} = {value} is no finite number; give one in {unit}"
+        raise InvalidInputError(message, quantity=quantity, value=float(value))
+    name = quantity.partition(".")[2]
+    if name in POSITIVE and value <= 0.0:
+        raise out_of_range(quantity, float(value), unit, f"the range above 0 {unit}", "give a value above 0")
+    if name == "saturation_angle" and value > air.WIDE_OPEN:
+        limit = f"0 to {air.WIDE_OPEN:g} {unit}"
+        raise out_of_range(quantity, float(value), unit, limit, "a throttle opens no further")
