@@ -1,0 +1,55 @@
+# revline. Two commands on a fresh machine with python3 and make: `make study` and `make test`.
+
+BIN := .venv/bin
+OUT := out
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.NOTPARALLEL:
+.PHONY: help study test check style types architecture docs acceptance bench lock clean
+
+help: ## Show these commands.
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' Makefile | while IFS='|' read -r name text; do printf '%-20s %s\n' "$$name" "$$text"; done
+
+study: .venv/.run ## Reproduce the whole study of Lee (1995) into ./out.
+	$(BIN)/revline study --out $(OUT)
+
+test: .venv/.dev ## Run every test, the examples in code and pages among them.
+	$(BIN)/python -m pytest
+
+# CI runs `make test` and then `make check TESTED=yes`, so that nothing runs twice.
+check: .venv/.dev style types architecture $(if $(TESTED),,test) docs study acceptance ## Run all that CI runs: style, types, layers, tests, docs, study, acceptance.
+
+style: .venv/.dev ## Check format, lint and spelling.
+	$(BIN)/ruff format --check
+	$(BIN)/ruff check
+	$(BIN)/codespell
+
+types: .venv/.dev ## Check types.
+	$(BIN)/mypy
+
+architecture: .venv/.dev ## Check the layers.
+	$(BIN)/lint-imports
+
+docs: .venv/.dev ## Build the documentation into docs/_build/html.
+	$(BIN)/python -m sphinx -n -W --keep-going -q -b html docs docs/_build/html
+
+acceptance: .venv/.dev ## Check the study in ./out against published and converged values.
+	$(BIN)/python tests/acceptance/check_study.py $(OUT)
+
+bench: .venv/.dev ## Measure speed; see benchmarks/.
+	$(BIN)/python -m pytest benchmarks --benchmark-only
+
+lock: .venv/.dev ## Write requirements/ anew from pyproject.toml.
+	sh scripts/lock.sh $(BIN)/uv
+
+clean: ## Remove what was made: environment, results, caches.
+	rm -rf .venv $(OUT) docs/_build .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .benchmarks build dist
+	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# `dev` holds all of `run`, so an environment with .venv/.dev also has .venv/.run.
+.venv/.run: requirements/run.txt pyproject.toml scripts/set_up.sh scripts/find_python.sh
+	@sh scripts/set_up.sh run
+
+.venv/.dev: requirements/run.txt requirements/dev.txt pyproject.toml scripts/set_up.sh scripts/find_python.sh
+	@sh scripts/set_up.sh dev
