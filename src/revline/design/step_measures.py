@@ -62,7 +62,7 @@ def measure_overshoot(times: ArrayLike, values: ArrayLike, *, start: Seconds, ta
 def measure_step(times: ArrayLike, values: ArrayLike, *, start: Seconds, target: float, command: float, band: float = 0.02) -> StepMeasures:
     """Measure a response to a step of the command.
 
-    Extremes are read between samples by a parabola or a quartic, level crossings by a straight line.
+    Extremes are read between samples by polynomials, level crossings by a straight line.
 
     Args:
         times: sample times [s].

@@ -11,6 +11,7 @@ from revline.errors import InvalidInputError
 Floats = NDArray[np.float64]
 
 MIN_SAMPLES = 8
+MOST_REACH = 3
 
 
 class Series(NamedTuple):
@@ -56,17 +57,15 @@ def check_series(times: ArrayLike, values: ArrayLike) -> Series:
 def refine_extreme(series: Series, k: int) -> Extreme:
     """Refine the extreme at sample k, which is no lower (or no higher) than its neighbours.
 
-    A parabola through three samples gives it, a quartic through five improves it where there are five, and their
-    difference is the error stated. At an end of the series the sample itself is the extreme.
+    By the polynomial through three, five or seven samples about it, as many as there are; the error stated is the difference to the
+    polynomial through two fewer. At an end of the series the sample itself is the extreme.
     """
     t, v = series
-    if k == 0 or k == t.size - 1:
-        return Extreme(float(t[k]), float(v[k]), 0.0)
-    coarse = _vertex(series, k, 1)
-    if k < 2 or k > t.size - 3:
-        return Extreme(coarse[0], coarse[1], abs(coarse[1] - float(v[k])))
-    fine = _vertex(series, k, 2)
-    return Extreme(fine[0], fine[1], abs(fine[1] - coarse[1]))
+    best, error = (float(t[k]), float(v[k])), 0.0
+    for reach in range(1, 1 + min(MOST_REACH, k, t.size - 1 - k)):
+        finer = _vertex(series, k, reach)
+        best, error = finer, abs(finer[1] - best[1])
+    return Extreme(best[0], best[1], error)
 
 
 def _vertex(series: Series, k: int, reach: int) -> tuple[float, float]:
