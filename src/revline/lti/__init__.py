@@ -1,0 +1,1 @@
+"""Linear models with exact delays: frequency responses, transfer functions, state spaces, roots."""

@@ -1,0 +1,86 @@
+"""Time responses of rational transfer functions, exact at any times, for poles that are equal, close or far apart."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from revline.errors import InvalidInputError
+from revline.lti.polynomial import newton_form
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+_TAYLOR_TERMS = 18
+"""The rest of the exponential's series after so many terms is below rounding for a matrix of norm 1: 1/19! is 8e-18."""
+
+
+def inverse_laplace(numerator: Sequence[float], poles: Complexes, times: Floats) -> Floats:
+    """Transform numerator(s) / prod(s - p_i) back to time.
+
+    The answer is a sum of divided differences of exp(t .) over the poles. Partial fractions would cancel where poles are close.
+
+    Args:
+        numerator: ascending powers, of a degree below the number of poles.
+        poles: in 1/s, conjugates in pairs.
+        times: in s, none negative.
+
+    Returns:
+        Value at each time.
+
+    Raises:
+        InvalidInputError: the answer grew beyond the range of numbers.
+
+    Source:
+        Opitz (1964), ZAMM 44, T52-T54: divided differences of a function are the first row of that function of a bidiagonal matrix.
+    """
+    if poles.size == 0 or times.size == 0:
+        return np.zeros(times.shape)
+    # Fast poles first: the slow ones then weigh on what the fast ones have already made small, and nothing cancels.
+    ordered = poles[np.argsort(-np.abs(poles), kind="stable")]
+    # Couplings of the size of the poles keep the bidiagonal matrix balanced; `undo` takes them out again.
+    size = np.abs(ordered)
+    coupling = np.maximum(size[1:], 1e-3 * (float(size.max()) or 1.0))
+    undo = np.concatenate([np.ones(1), np.cumprod(1.0 / coupling)])
+    with np.errstate(all="ignore"):
+        row = _bidiagonal_exponential(ordered, coupling, times.ravel())[0]
+        answer: Floats = np.asarray(((newton_form(numerator, ordered) * undo) @ row).real).reshape(times.shape)
+    if not np.all(np.isfinite(answer)):
+        message = f"the response exceeds the range of numbers within {float(np.max(times)):g} s; ask for earlier times"
+        raise InvalidInputError(message)
+    return answer
+
+
+def _bidiagonal_exponential(diagonal: Complexes, coupling: Floats, times: Floats) -> Complexes:
+    """exp(t A) for each time, by scaling and squaring with the diagonal kept exact; the times are the last axis.
+
+    With an exact diagonal, squaring adds divided differences of one sign where the poles are real: no digit is lost, however many
+    squarings a stiff matrix needs.
+
+    Source:
+        Al-Mohy and Higham (2009), SIAM J. Matrix Anal. Appl. 31, 970-989, fragment 2.1 (exact diagonal).
+    """
+    norm = float(np.max(times)) * float(np.max(np.abs(diagonal) + np.append(coupling, 0.0)))
+    squarings = max(0, math.ceil(math.log2(norm))) if norm > 0.0 else 0
+    step = times / 2.0**squarings
+    unit = np.eye(diagonal.size)[:, :, None]
+    result = np.broadcast_to(unit, (diagonal.size, diagonal.size, times.size)).astype(complex)
+    for k in range(_TAYLOR_TERMS, 0, -1):
+        below = np.concatenate([coupling[:, None, None] * result[1:], np.zeros_like(result[:1])])
+        result = unit + (diagonal[:, None, None] * result + below) * (step / k)
+    index = np.arange(diagonal.size)
+    for _ in range(squarings):
+        step = 2.0 * step
+        result = _square_triangular(result)
+        result[index, index] = np.exp(step * diagonal[:, None])
+    return result
+
+
+def _square_triangular(matrix: Complexes) -> Complexes:
+    """Square upper triangular matrices; the last axis counts them."""
+    square = np.zeros_like(matrix)
+    for i in range(matrix.shape[0]):
+        for j in range(i, matrix.shape[0]):
+            square[i, j] = np.sum(matrix[i, i : j + 1] * matrix[i : j + 1, j], axis=0)
+    return square
