@@ -212,6 +212,8 @@ from typing import NamedTuple
 from enum import Enum
 GAIN = 2.0
 LIMITS = (1.0, [3.0, 4.0])
+NAMES = frozenset(("a", "b", "c", "d"))
+HELPER = np.clip
 TABLE = np.linspace(0.0, 1.0, 2000)
 class Mode(Enum):
     FAST = 1.0
@@ -220,7 +222,7 @@ class Fixed:
 def inner(value, scale=2.0, *, shift=0.25):
     return scale * value + shift
 def middle(value):
-    return GAIN * inner(value) + LIMITS[1][0] + TABLE[7]
+    return GAIN * inner(value) + LIMITS[1][0] + TABLE[7] + len(NAMES) + float(callable(HELPER))
 def comprehended(values):
     return sum([inner(value) for value in values])
 """
@@ -259,6 +261,8 @@ def digests(folder: Path, callee: str, caller: str = CALLER) -> tuple[str, str, 
     [
         ("GAIN = 2.0", "GAIN = 2.0000000000000004", False),
         ("[3.0, 4.0]", "[3.5, 4.0]", False),
+        ('"c", "d"', '"c", "e"', False),
+        ("HELPER = np.clip", "HELPER = np.interp", False),
         ("np.linspace(0.0, 1.0, 2000)", "np.append(np.linspace(0.0, 1.0, 2000)[:-1], 1.0 + 1e-12)", False),
         ("FAST = 1.0", "FAST = 1.5", False),
         ("offset = 0.5", "offset = 0.75", False),

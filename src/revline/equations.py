@@ -7,6 +7,7 @@ traced here for what depends on what. The trace also refuses what would break th
 import dis
 import functools
 import hashlib
+import re
 from collections.abc import Callable, Iterator
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, ParamSpec, TypeVar
@@ -24,6 +25,10 @@ ALLOWED_FUNCTIONS = frozenset(
     | {"sin", "cos", "tan", "sinh", "cosh", "tanh", "minimum", "maximum"}
 )
 """Functions of numpy that an equation may call: each compiles and keeps its derivative on complex numbers."""
+
+
+LIBRARIES = frozenset({"numpy", "numba"})
+"""Packages whose functions are not looked into: their version is the compiler's."""
 
 
 def equation(function: Callable[P, R]) -> Callable[P, R]:
@@ -137,7 +142,7 @@ def reached_functions(*functions: Equation) -> tuple[FunctionType, ...]:
     seen: set[int] = set()
 
     def visit(value: object) -> None:
-        if isinstance(value, FunctionType) and value.__module__ != "numpy" and id(value) not in seen:
+        if isinstance(value, FunctionType) and not _is_library(value) and id(value) not in seen:
             seen.add(id(value))
             for _, entry in _names(value):
                 visit(entry)
@@ -148,12 +153,15 @@ def reached_functions(*functions: Equation) -> tuple[FunctionType, ...]:
     return tuple(order)
 
 
+def _is_library(function: FunctionType) -> bool:
+    """Whether a function belongs to a library that compiles by its own means."""
+    return str(function.__module__).partition(".")[0] in LIBRARIES
+
+
 def _reached(value: object, seen: set[int]) -> Iterator[str]:
-    compiled = getattr(value, "py_func", None)
-    if isinstance(value, FunctionType):
-        yield from _reached_by_function(value, seen)
-    elif isinstance(compiled, FunctionType):
-        yield from _reached_by_function(compiled, seen)
+    plain = getattr(value, "py_func", value)  # numba keeps the Python function that it compiled under this name
+    if isinstance(plain, FunctionType) and not _is_library(plain):
+        yield from _reached_by_function(plain, seen)
     elif isinstance(value, tuple | list):
         yield f"{type(value).__name__} {len(value)}"
         for entry in value:
@@ -175,6 +183,7 @@ def _reached_by_function(function: FunctionType, seen: set[int]) -> Iterator[str
 
 
 def _content(value: object) -> str:
+    """Text for anything but functions and sequences, without the addresses that differ from process to process."""
     if isinstance(value, ModuleType):
         return f"module {value.__name__}"
     if isinstance(value, type):
@@ -183,7 +192,9 @@ def _content(value: object) -> str:
         return f"ufunc {value.__name__}"
     if isinstance(value, np.ndarray):
         return f"array {value.dtype.str} {value.shape} {value.tobytes().hex()}"
-    return repr(value)
+    if isinstance(value, set | frozenset):
+        return f"set {sorted(map(_content, value))}"
+    return re.sub(r" at 0x[0-9A-Fa-f]+", "", repr(value))
 
 
 def _code_parts(code: CodeType) -> Iterator[str]:
@@ -193,7 +204,7 @@ def _code_parts(code: CodeType) -> Iterator[str]:
         if isinstance(constant, CodeType):
             yield from _code_parts(constant)
         else:
-            yield repr(sorted(constant, key=repr) if isinstance(constant, frozenset) else constant)
+            yield _content(constant)
 
 
 @functools.cache
