@@ -165,11 +165,11 @@ def test_results_that_are_no_tuple_are_refused(wrap: Callable[[Any], Any]) -> No
 
 FAILURES: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
     "too few": (lambda p, x: (x[5],), "IndexError: tuple index out of range"),  # noqa: ARG005 - the form of all equations
-    "unpacking": (lambda p, x: next(a for a, b in (x,)), "ValueError: too many values to unpack (expected 2)"),  # noqa: ARG005 - same
+    "unpacking": (lambda p, x: next(a for a, b in (x,)), "ValueError: too many values to unpack (expected 2)"),  # noqa: ARG005 - the form of all equations
     "no such parameter": (lambda p, x: (p.volume + x[0],), "AttributeError: 'tuple' object has no attribute 'volume'"),
     "division": (lambda p, x: (x[0] + 1.0 / (p[0] - 3.0),), "ZeroDivisionError: float division by zero"),
     "call": (lambda p, x: (p[0](x),), "TypeError: 'float' object is not callable"),
-    "text": (lambda p, x: (np.exp(x[0]).real,), "AttributeError: 'Traced' object has no attribute 'real'"),  # noqa: ARG005 - same
+    "text": (lambda p, x: (np.exp(x[0]).real,), "AttributeError: 'Traced' object has no attribute 'real'"),  # noqa: ARG005 - the form of all equations
 }
 
 
@@ -326,7 +326,7 @@ def test_a_compiled_function_counts_as_its_python_code() -> None:
         return lambda _, x: (compiled(x[0]),)
 
     double: Callable[[float], float] = lambda value: 2.0 * value  # noqa: E731 - two functions of equal code, apart in their constant
-    triple: Callable[[float], float] = lambda value: 3.0 * value  # noqa: E731 - same
+    triple: Callable[[float], float] = lambda value: 3.0 * value  # noqa: E731 - equal but for its constant
     assert equation_digest(make(double)) == equation_digest(make(double))
     assert equation_digest(make(double)) != equation_digest(make(triple))
 
