@@ -27,7 +27,9 @@ class Wire(NamedTuple):
     input: int
 
 
-def connect(first: DelaySystem, second: DelaySystem, *, to_first: Mapping[str, str], to_second: Mapping[str, str], name: str) -> DelaySystem:
+def connect(
+    first: DelaySystem, second: DelaySystem, *, to_first: Mapping[str, str], to_second: Mapping[str, str], name: str
+) -> DelaySystem:
     """Make one system of two by feeding outputs of each to inputs of the other.
 
     Args:

@@ -98,6 +98,27 @@ def closed_loop_transfer(plant: TransferFunction, gains: PidGains) -> TransferFu
     )
 
 
+def closed_loop_transfer_to_control(plant: TransferFunction, gains: PidGains) -> TransferFunction:
+    """Give the transfer function from command to what the controller drives, for the exact control after a step of the command.
+
+    Args:
+        plant: strictly proper, without delay.
+        gains: of the controller, derivative on the measurement.
+
+    Raises:
+        InvalidInputError: as for `closed_loop_transfer`.
+    """
+    closed = closed_loop_transfer(plant, gains)
+    law = (gains.ki, gains.kp) if gains.ki != 0.0 else (gains.kp,)
+    scale = form_loop(plant, gains).own[-1] / closed.denominator[-1]
+    return replace(
+        closed,
+        numerator=tuple((np.convolve(plant.denominator, law) / scale).tolist()),
+        output_name=plant.input_name,
+        output_unit=plant.input_unit,
+    )
+
+
 def find_bandwidth(plant: TransferFunction, gains: PidGains, *, level: float = HALF_POWER) -> RadiansPerSecond:
     """Find the lowest frequency at which the closed loop's magnitude falls below a level.
 
