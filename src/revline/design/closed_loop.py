@@ -5,7 +5,7 @@ Law and conventions: `revline.design.pid_system`; the command is a true step at 
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from revline import signals
 from revline.connection import connect
-from revline.dde.simulate import Options, Start, Trajectory, simulate
+from revline.dde.simulate import Start, simulate
 from revline.design.classify import Criteria, classify_outcome
 from revline.design.controller import PidGains
 from revline.design.linear_loop import closed_loop_transfer, closed_loop_transfer_to_control
@@ -124,6 +124,16 @@ class LoopRun:
         return measure_step(self.times, self.output, start=0.0, target=self.target, command=self.command)
 
 
+class LoopTrace(NamedTuple):
+    """What a closed loop did: times (n,), measurement (n,), control (n,), its terms (n, 3) or none, and the simulation's step."""
+
+    times: Floats
+    output: Floats
+    control: Floats
+    terms: Floats
+    step: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopTask:
     """What is asked of a closed loop: the step of its command, and how long and how finely it is run."""
@@ -131,7 +141,7 @@ class LoopTask:
     command: float
     until: float
     step: float = 1e-3
-    criteria: Criteria = Criteria()
+    criteria: Criteria = field(default_factory=Criteria)
 
     def __post_init__(self) -> None:
         if not math.isfinite(self.command) or self.command == 0.0:
@@ -170,7 +180,7 @@ def run_loop(
     Raises:
         InvalidInputError: signals are missing, units differ, or the limits exclude the trim.
         NotSettledError: the record is too short to tell how the loop ends.
-        LagError: the step is longer than a lag during the run.
+        LagError: the step is longer than a lag at the start.
     """
     loop = close_loop(plant, point, gains, wires=wires, limits=limits)
     free = {v.name for v in loop.inputs}
@@ -178,13 +188,19 @@ def run_loop(
     start = Start(states=np.append(point.states, 0.0), inputs=loop.input_vector({**inputs, "command": point.measurement}))
     command = {"command": signals.step(task.command)}
     try:
-        record = simulate(loop, start, command, until=task.until, step=task.step)
-        end: SimulationError | None = None
+        record, end = simulate(loop, start, command, until=task.until, step=task.step), None
     except SimulationError as error:
-        end = error
+        end = _ending(error, loop, task)
         last = max(math.floor(float(error.details["time"]) / task.step) - 1, LEAST_STEPS) * task.step
-        record = simulate(loop, start, command, until=last, step=task.step, options=Options())
-    return _loop_run(plant.name, record, gains, task, wires=wires, limits=limits, point=point, end=end)
+        record = simulate(loop, start, command, until=last, step=task.step)
+    trace = LoopTrace(
+        times=record.times,
+        output=record.output(wires.measurement),
+        control=record.output("control"),
+        terms=np.column_stack([record.output(term) for term in ("proportional", "integral", "derivative")]),
+        step=record.step,
+    )
+    return _judge(plant.name, gains, task, trace, start=point.measurement, limits=limits, end=end)
 
 
 def close_loop(plant: DelaySystem, point: OperatingPoint, gains: PidGains, *, wires: LoopSignals, limits: Limits) -> DelaySystem:
@@ -215,81 +231,80 @@ def run_linear_loop(
         InvalidInputError: the model is not strictly proper, or its units are not the controller's.
         NotSettledError: the record is too short to tell how the loop ends.
     """
+    trace = trace_linear_loop(model, gains, task)
+    shifted = replace_trace(trace, base)
+    return _judge(name, gains, task, shifted, start=base[1], limits=Limits(), end=None)
+
+
+def trace_linear_loop(model: TransferFunction, gains: PidGains, task: LoopTask) -> LoopTrace:
+    """Answer of a closed loop around a linear model to a step of its command, relative to the trim; see `run_linear_loop`."""
     if model.delay == 0.0:
-        return _run_rational_loop(model, gains, task, name=name, base=base)
-    step = min(task.step, step_limit(model))
-    plant = linear_plant(model, base_input=base[0], base_output=base[1])
-    point = OperatingPoint(states=np.zeros(len(plant.states)), inputs={"input": base[0]}, measurement=base[1])
-    fitting = LoopTask(command=task.command, until=task.until, step=step, criteria=task.criteria)
-    run = run_loop(plant, point, gains, fitting, wires=OF_LINEAR_MODEL)
-    return replace(run, plant=name)
-
-
-def _run_rational_loop(model: TransferFunction, gains: PidGains, task: LoopTask, *, name: str, base: tuple[float, float]) -> LoopRun:
-    times = np.arange(math.floor(task.until / task.step + 1e-9) + 1) * task.step
-    with np.errstate(over="ignore", invalid="ignore"):
-        output = base[1] + task.command * closed_loop_transfer(model, gains).step_response(times)
-        control = base[0] + task.command * closed_loop_transfer_to_control(model, gains).step_response(times)
-    whole = np.isfinite(output) & np.isfinite(control)
-    if not whole.all():
-        kept = int(np.argmin(whole))
-        times, output, control = times[:kept], output[:kept], control[:kept]
-    target = base[1] + task.command
-    return LoopRun(
-        plant=name,
-        gains=gains,
-        form=FORM,
+        return _trace_rational(model, gains, task)
+    plant = linear_plant(model)
+    loop = close_loop(
+        plant,
+        OperatingPoint(states=np.zeros(len(plant.states)), inputs={"input": 0.0}, measurement=0.0),
+        gains,
+        wires=OF_LINEAR_MODEL,
         limits=Limits(),
-        command=task.command,
-        start=base[1],
-        times=times,
-        output=output,
-        control=control,
-        terms=np.empty((0, 3)),
-        outcome=classify_outcome(times, output, target=target, command=task.command, criteria=task.criteria),
-        overshoot=measure_overshoot(times, output, start=0.0, target=target, command=task.command),
-        step=0.0,
+    )
+    start = Start(states=np.zeros(len(loop.states)), inputs=loop.input_vector({}))
+    command = {"command": signals.step(task.command)}
+    record = simulate(loop, start, command, until=task.until, step=min(task.step, step_limit(model)))
+    return LoopTrace(
+        times=record.times,
+        output=record.output("output"),
+        control=record.output("control"),
+        terms=np.column_stack([record.output(term) for term in ("proportional", "integral", "derivative")]),
+        step=record.step,
     )
 
 
-def _loop_run(
-    name: str,
-    record: Trajectory,
-    gains: PidGains,
-    task: LoopTask,
-    *,
-    wires: LoopSignals,
-    limits: Limits,
-    point: OperatingPoint,
-    end: SimulationError | None,
+def replace_trace(trace: LoopTrace, base: tuple[float, float]) -> LoopTrace:
+    """Shift a trace from deviations to absolute values of control and output."""
+    return trace._replace(output=trace.output + base[1], control=trace.control + base[0])
+
+
+def _trace_rational(model: TransferFunction, gains: PidGains, task: LoopTask) -> LoopTrace:
+    times: Floats = task.step * np.arange(math.floor(task.until / task.step + 1e-9) + 1, dtype=float)
+    with np.errstate(over="ignore", invalid="ignore"):
+        output = task.command * closed_loop_transfer(model, gains).step_response(times)
+        control = task.command * closed_loop_transfer_to_control(model, gains).step_response(times)
+    whole = np.isfinite(output) & np.isfinite(control)
+    kept = len(times) if whole.all() else int(np.argmin(whole))
+    return LoopTrace(times=times[:kept], output=output[:kept], control=control[:kept], terms=np.empty((0, 3)), step=0.0)
+
+
+def _judge(
+    name: str, gains: PidGains, task: LoopTask, trace: LoopTrace, *, start: float, limits: Limits, end: Diverged | Stalled | None
 ) -> LoopRun:
-    output = record.output(wires.measurement)
-    target = point.measurement + task.command
+    target = start + task.command
+    outcome = end or classify_outcome(trace.times, trace.output, target=target, command=task.command, criteria=task.criteria)
     return LoopRun(
         plant=name,
         gains=gains,
         form=FORM,
         limits=limits,
         command=task.command,
-        start=point.measurement,
-        times=record.times,
-        output=output,
-        control=record.output("control"),
-        terms=np.column_stack([record.output(term) for term in ("proportional", "integral", "derivative")]),
-        outcome=_outcome(record, output, target, task, end),
-        overshoot=measure_overshoot(record.times, output, start=0.0, target=target, command=task.command),
-        step=record.step,
+        start=start,
+        times=trace.times,
+        output=trace.output,
+        control=trace.control,
+        terms=trace.terms,
+        outcome=outcome,
+        overshoot=measure_overshoot(trace.times, trace.output, start=0.0, target=target, command=task.command),
+        step=trace.step,
     )
 
 
-def _outcome(record: Trajectory, output: Floats, target: float, task: LoopTask, end: SimulationError | None) -> Outcome:
-    if end is None:
-        return classify_outcome(record.times, output, target=target, command=task.command, criteria=task.criteria)
-    if isinstance(end, DivergedError):
-        bound = task.criteria.bound * abs(task.command)
-        return Diverged(time=float(end.details["time"]), value=float(output[-1]), bound=bound)
-    state = record.state_names[int(np.argmin(record.states[-1] / np.maximum(np.abs(record.states[0]), 1e-300)))]
-    return Stalled(time=float(end.details["time"]), state=state, value=float(end.details[state]))
+def _ending(error: SimulationError, loop: DelaySystem, task: LoopTask) -> Diverged | Stalled:
+    """Outcome of a run that could not go on."""
+    time = float(error.details["time"])
+    if isinstance(error, DivergedError):
+        return Diverged(time=time, value=math.inf, bound=task.criteria.bound * abs(task.command))
+    left = [v for v in loop.states if not v.low < float(error.details[v.name]) < v.high]
+    state = (left or loop.states[-2:])[0]
+    return Stalled(time=time, state=state.name, value=float(error.details[state.name]))
 
 
 def describe_outcome(run: LoopRun) -> str:
