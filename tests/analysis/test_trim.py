@@ -150,6 +150,24 @@ def test_channel_loop_trims(loop: DelaySystem) -> None:
     assert trim.states == pytest.approx([0.0], abs=1e-12)
 
 
+def test_system_without_states_rests_at_once(linear: DelaySystem) -> None:
+    """A pure delay: y = 2 u(t - 1)."""
+
+    def emit(p: object, x: tuple[()], u: tuple[float], zd: tuple[float]) -> tuple[float]:  # noqa: ARG001 - the form of all equations
+        return (2.0 * u[0],)
+
+    def nothing(p: object, x: tuple[()], u: tuple[float], zd: tuple[float]) -> tuple[()]:  # noqa: ARG001 - the form of all equations
+        return ()
+
+    def reading(p: object, x: tuple[()], u: tuple[float], zd: tuple[float]) -> tuple[float]:  # noqa: ARG001 - the form of all equations
+        return (zd[0],)
+
+    delay = replace(linear, states=(), emit=emit, rate=nothing, output=reading)
+    trim = find_trim(delay, inputs={"force": 1.5})
+    assert (trim.output("position"), trim.residual, trim.stable, trim.alternatives) == (3.0, 0.0, True, ())
+    assert find_trim(delay, outputs={"position": 5.0}, free=("force",)).input("force") == pytest.approx(2.5)
+
+
 def test_no_trim_says_how_near_it_came(endless: DelaySystem) -> None:
     pattern = r"no trim at nominal inputs: position still drifts by 1(\.\d+)? m/s \(limit 2e-07 m/s\)\. .*see find_steady_map"
     with pytest.raises(NoTrimError, match=pattern) as caught:

@@ -206,10 +206,10 @@ def solve_steady(equations: SteadyEquations, starts: Floats) -> Search:
     misses = np.max(np.abs(np.nan_to_num(equations.misses(points), nan=np.inf)), axis=-1, initial=0.0)
     closest = points[int(np.argmin(misses))]
     solved = points[misses <= DRIFT_LIMIT]
-    if not solved.size:
+    if not len(solved):
         return Search(solutions=solved, closest=closest, isolated=True)
     spread = np.linalg.svd(equations.slopes(solved), compute_uv=False)
-    isolated = spread[:, -1] > SINGULAR * spread[:, 0]
+    isolated = np.min(spread, axis=-1, initial=np.inf) > SINGULAR * np.max(spread, axis=-1, initial=0.0)
     return Search(solutions=_distinct(solved[isolated], equations.scales), closest=closest, isolated=bool(np.all(isolated)))
 
 
@@ -244,7 +244,7 @@ def _size(misses: Floats) -> Floats:
 def _distinct(solutions: Floats, scales: Floats) -> Floats:
     kept: list[Floats] = []
     for solution in solutions:
-        if all(np.max(np.abs(solution - other) / scales) > SAME for other in kept):
+        if all(np.max(np.abs(solution - other) / scales, initial=0.0) > SAME for other in kept):
             kept.append(solution)
     return np.array(kept).reshape(len(kept), scales.size)
 

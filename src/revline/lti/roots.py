@@ -24,6 +24,9 @@ LARGEST_DEGREE = 256
 LARGEST_MATRIX = 1600
 NEWTON_STEPS = 30
 MOST_CANDIDATES = 200
+STALLED = 4
+"""As many degrees in a row with equally many settled roots: more points bring no more."""
+
 
 RESIDUAL_LIMIT = 1e-12
 """Largest residual of the exact equation, relative to its own size, that a root may have."""
@@ -137,14 +140,16 @@ def _block_roots(block: FeedbackBlock, count: int) -> RightmostRoots:
     wanted = 0.5 * block.radius() * float(np.max(block.lags)) + FIRST_DEGREE
     degree = int(min(wanted, 4.0 * FIRST_DEGREE))
     before = _refined(block, _collocation_roots(block, degree), count)
-    last = False
+    last, history = False, [0]
     while not last:
         degree = int(1.5 * degree)
         last = degree >= LARGEST_DEGREE or 1.5 * degree * block.lags.size >= LARGEST_MATRIX
         now = _refined(block, _collocation_roots(block, degree), count)
-        settled = _settled(before, now)
-        # Roots far to the left may drown in rounding: after the last degree fewer than asked for will do.
-        if (settled == now.roots.size == before.roots.size or (last and settled)) and _is_rightmost(block, now.roots):
+        history.append(_settled(before, now))
+        settled = history[-1]
+        # Roots far to the left may drown in rounding: when more points bring no more of them, fewer than asked for will do.
+        enough = settled == now.roots.size == before.roots.size or (settled and (last or history[-STALLED:] == [settled] * STALLED))
+        if enough and _is_rightmost(block, now.roots):
             kept = _Listed(roots=now.roots[:settled], residuals=now.residuals[:settled], errors=now.errors[:settled])
             listed, counted, complete = _count_unstable(block, kept.roots)
             if listed == counted or (listed < counted and not complete):
