@@ -195,3 +195,69 @@ def loop() -> DelaySystem:
         rate=linear_rate,
         output=nothing_out,
     )
+
+
+class Wiener(NamedTuple):
+    """Parameters of a delayed lag whose output is bent."""
+
+    pole: float = 3.0
+    lag: float = 0.3
+    lag_slope: float = 0.0
+    curve: float = 0.2
+
+
+@equation
+def wiener_emit(p: Wiener, x: Vector, u: Vector, zd: Vector) -> Vector:  # noqa: ARG001 - the form of all equations
+    return (u[0],)
+
+
+@equation
+def wiener_lags(p: Wiener, x: Vector, u: Vector, zd: Vector) -> Vector:  # noqa: ARG001 - the form of all equations
+    return (p.lag + p.lag_slope * x[0],)
+
+
+@equation
+def wiener_rate(p: Wiener, x: Vector, u: Vector, zd: Vector) -> Vector:  # noqa: ARG001 - the form of all equations
+    return (p.pole * (zd[0] - x[0]),)
+
+
+@equation
+def wiener_output(p: Wiener, x: Vector, u: Vector, zd: Vector) -> Vector:  # noqa: ARG001 - the form of all equations
+    square = x[0] * x[0]
+    return x[0], x[0] + p.curve * square, square, x[0] * square, np.minimum(x[0], 0.6), p.curve + 0.0 * x[0]
+
+
+WIENER_OUTPUTS = ("straight", "bent", "square", "cube", "limited", "constant")
+
+
+def build_wiener(parameters: Wiener) -> DelaySystem:
+    return DelaySystem(
+        name="wiener",
+        parameters=parameters,
+        states=(Variable(name="level", unit="m", low=-4.0, high=50.0, search_low=-3.0, search_high=3.0),),
+        inputs=(Variable(name="force", unit="N", low=-5.0, high=5.0),),
+        channels=(variable("sent", unit="N"),),
+        outputs=tuple(variable(name) for name in WIENER_OUTPUTS),
+        emit=wiener_emit,
+        lags=wiener_lags,
+        rate=wiener_rate,
+        output=wiener_output,
+    )
+
+
+@pytest.fixture(scope="session")
+def wiener() -> DelaySystem:
+    """x' = 3 (u(t - 0.3) - x), with outputs x, x + 0.2 x^2, x^2, x^3, min(x, 0.6) and a constant."""
+    return build_wiener(Wiener())
+
+
+@pytest.fixture(scope="session")
+def shrinking(wiener: DelaySystem) -> DelaySystem:
+    """The same with a lag that depends on the level: 0.06 + 0.05 x."""
+    return wiener.with_parameters(Wiener(lag=0.06, lag_slope=0.05))
+
+
+@pytest.fixture(scope="session")
+def runaway(wiener: DelaySystem) -> DelaySystem:
+    """The same with an unstable pole."""
+    return wiener.with_parameters(Wiener(pole=-1.0))
