@@ -108,10 +108,10 @@ def test_amplitudes_not_above_zero_are_refused(amplitude: float) -> None:
         Excitation(input_name="force", output_name="straight", amplitude=amplitude)
 
 
-@pytest.mark.parametrize("name", ["max_step", "longest", "tolerance", "step_tolerance"])
+@pytest.mark.parametrize("name", ["max_step", "longest", "tolerance", "step_tolerance", "cycles"])
 def test_settings_out_of_range_are_refused(name: str) -> None:
     with pytest.raises(InvalidInputError, match=f"{name} = 0 .* is outside"):
-        RunSettings(**{name: 0.0})
+        replace(RunSettings(), **{name: 0})
 
 
 def test_a_sinusoid_that_leaves_the_inputs_range_is_refused(wiener: DelaySystem, trim: Trim) -> None:

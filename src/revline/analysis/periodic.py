@@ -72,6 +72,7 @@ class RunSettings:
         tolerance: largest estimated part of the output's amplitude by which its waveform may still change.
         step_tolerance: largest estimated relative error of the fundamental by the step.
         longest: most simulated time in s; without it, 20 periods, 200 times the slowest time constant and 200 times all lags.
+        cycles: periods recorded for a spectrum after the answer has settled.
 
     Raises:
         InvalidInputError: a value is out of range.
@@ -81,8 +82,11 @@ class RunSettings:
     tolerance: float = TOLERANCE
     step_tolerance: float = 1e-6
     longest: float = math.inf
+    cycles: int = 8
 
     def __post_init__(self) -> None:
+        if self.cycles < 1:
+            raise out_of_range("cycles", self.cycles, "periods", "1 and above", "give the number of periods in a record")
         for name, value in (("max_step", self.max_step), ("longest", self.longest)):
             if not value > 0.0:
                 raise out_of_range(name, value, "s", "values above 0", "give a time in seconds")
