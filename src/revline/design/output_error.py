@@ -1,0 +1,368 @@
+"""The numbers of an output-error fit: linear starts, the nonlinear least squares, and proof that the optimum is one.
+
+Everything is scaled: s by the middle of the frequency range, the data by its largest magnitude, and each parameter by its
+column of the Jacobian. Parameters stand in the order b_0 .. b_m, a_1 .. a_n, and the delay where it is free; a_0 is 1.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from revline.errors import AnalysisError, NotConvergedError
+from revline.lti.polynomial import polynomial_roots
+from revline.lti.response import Complexes, Floats
+from revline.units import Seconds
+from revline.values import make_read_only
+
+_LARGEST_GRADIENT = 1e-9
+_LARGEST_CONDITION = 1e10
+_SAME_COST = 1e-6
+_LINEAR_ITERATIONS = (20, 4)
+"""Without and with a free delay, where many delays are tried and the best are followed down anyway."""
+_POLISH_STEPS = 60
+_DELAY_STARTS = 100
+_STARTS_KEPT = 8
+_RESONANCE_STARTS = 9
+_TOLERANCE = 1e-15
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Start:
+    """One start of the search and where it led.
+
+    Attributes:
+        name: how the start was made.
+        residual_sum: what it led to, in the fit's units.
+        agrees: whether that is the optimum.
+    """
+
+    name: str
+    residual_sum: float
+    agrees: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Optimum:
+    """The least squares optimum, with what it takes to trust it.
+
+    Attributes:
+        numerator, denominator: ascending powers, the denominator's first is 1.
+        delay: in s, 0 where it was not free.
+        residual_sum: the minimum of the sum of weighted squared errors.
+        covariance: of the numerator, the denominator from its second coefficient on, and the delay where it was free and not held at 0.
+        condition: condition number of the Jacobian, its columns scaled to one length.
+        gradient: largest cosine-like measure of the gradient: column times residual over lengths of column and data.
+        starts: those that were followed down.
+    """
+
+    numerator: tuple[float, ...]
+    denominator: tuple[float, ...]
+    delay: Seconds
+    residual_sum: float
+    covariance: Floats
+    condition: float
+    gradient: float
+    starts: tuple[Start, ...]
+
+    def __post_init__(self) -> None:
+        make_read_only(self)
+
+    @property
+    def starts_agreeing(self) -> int:
+        """How many starts led to this optimum."""
+        return sum(start.agrees for start in self.starts)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Problem:
+    """A fit in scaled units: s in units of `frequency`, the response in units of `gain`."""
+
+    s: Complexes
+    values: Complexes
+    weights: Floats
+    zeros: int
+    poles: int
+    free_delay: int
+    frequency: float
+    gain: float
+
+    @property
+    def size(self) -> int:
+        """Number of parameters."""
+        return self.zeros + 1 + self.poles + self.free_delay
+
+    @property
+    def units(self) -> Floats:
+        """What one scaled unit of each parameter is."""
+        top = self.gain * self.frequency ** -np.arange(self.zeros + 1.0)
+        bottom = self.frequency ** -np.arange(1.0, self.poles + 1.0)
+        return np.concatenate([top, bottom, np.full(self.free_delay, 1.0 / self.frequency)])
+
+    def split(self, x: Floats) -> tuple[Floats, Floats, float]:
+        """Take a parameter vector apart: numerator, denominator with its leading 1, delay."""
+        cut = self.zeros + 1
+        return x[:cut], np.concatenate([np.ones(1), x[cut : cut + self.poles]]), float(x[-1]) if self.free_delay else 0.0
+
+    def model(self, x: Floats) -> tuple[Complexes, Complexes]:
+        """The model's response and exp(-s delay) / denominator."""
+        top, bottom, delay = self.split(x)
+        factor = np.exp(-self.s * delay) / np.polynomial.polynomial.polyval(self.s, bottom)
+        return np.polynomial.polynomial.polyval(self.s, top) * factor, factor
+
+    def residuals(self, x: Floats) -> Floats:
+        """Weighted errors, real parts before imaginary parts."""
+        return _stack(self.weights * (self.model(x)[0] - self.values))
+
+    def jacobian(self, x: Floats) -> Floats:
+        """Derivatives of the residuals, exact."""
+        response, factor = self.model(x)
+        bottom = np.polynomial.polynomial.polyval(self.s, self.split(x)[1])
+        columns = [factor * self.s**k for k in range(self.zeros + 1)]
+        columns += [-response * self.s**k / bottom for k in range(1, self.poles + 1)]
+        columns += [-self.s * response] * self.free_delay
+        return _stack(self.weights[:, None] * np.stack(columns, axis=1))
+
+
+def make_problem(omega: Floats, values: Complexes, weights: Floats, zeros: int, poles: int, free_delay: int) -> Problem:
+    """Scale a fit.
+
+    Args:
+        omega: frequencies in rad/s.
+        values: response at each, not all zero.
+        weights: weight of each error, before it is squared.
+        zeros: degree of the numerator.
+        poles: degree of the denominator.
+        free_delay: 1 where the delay is a parameter, else 0.
+    """
+    used = omega[omega > 0.0]
+    frequency = math.sqrt(float(used[0]) * float(used[-1])) if used.size else 1.0
+    gain = float(np.abs(values).max())
+    return Problem(
+        s=np.asarray(1j * omega / frequency, dtype=complex),
+        values=values / gain,
+        weights=weights,
+        zeros=zeros,
+        poles=poles,
+        free_delay=free_delay,
+        frequency=frequency,
+        gain=gain,
+    )
+
+
+def minimise(problem: Problem) -> Optimum:
+    """Find the least squares optimum from several starts and verify it.
+
+    A free delay whose optimum would be negative is held at 0; the covariance is then that of the other parameters.
+
+    Source:
+        Levy (1959), IRE Trans. Automatic Control 4, 37-43, and Sanathanan and Koerner (1963), IEEE Trans. Automatic Control 8,
+        56-58 (starts); Branch, Coleman and Li (1999), SIAM J. Sci. Comput. 21, 1-23 (trust region).
+
+    Raises:
+        NotConvergedError: the gradient at the best point is not zero to rounding.
+        AnalysisError: the data cannot tell the parameters apart.
+    """
+    starts = sorted(_starts(problem), key=lambda entry: _cost(problem, entry[1]))[:_STARTS_KEPT]
+    found = [(name, _descend(problem, start)) for name, start in starts]
+    best = min((x for _, x in found), key=lambda x: _cost(problem, x))
+    # A second start, off the best point to all sides: it must lead back.
+    away = best * (1.0 + 0.1 * (-1.0) ** np.arange(problem.size))
+    found.append(("best point, each parameter moved by a tenth", _descend(problem, away)))
+    best = min((x for _, x in found), key=lambda x: _cost(problem, x))
+    if problem.free_delay and best[-1] < 0.0:
+        return minimise(replace(problem, free_delay=0))
+    gradient = _gradient(problem, best)
+    if gradient > _LARGEST_GRADIENT:
+        message = (
+            f"the fit of {problem.zeros} zeros and {problem.poles} poles did not converge: the gradient is {gradient:.1e} of the data"
+            f" (limit {_LARGEST_GRADIENT:g}); use fewer poles, or frequencies closer together"
+        )
+        raise NotConvergedError(message, gradient=gradient)
+    return _optimum(problem, best, gradient, found)
+
+
+def _stack(values: NDArray[Any]) -> Floats:
+    return np.concatenate([values.real, values.imag])
+
+
+def _cost(problem: Problem, x: Floats) -> float:
+    return float(np.sum(problem.residuals(x) ** 2))
+
+
+def _gradient(problem: Problem, x: Floats) -> float:
+    """Largest share of the data that still lies along a column of the Jacobian."""
+    jacobian = problem.jacobian(x)
+    data = float(np.linalg.norm(problem.weights * np.abs(problem.values)))
+    return float(np.max(np.abs(jacobian.T @ problem.residuals(x)) / _lengths(jacobian))) / data
+
+
+def _descend(problem: Problem, start: Floats) -> Floats:
+    found = least_squares(
+        problem.residuals,
+        start,
+        jac=problem.jacobian,
+        x_scale="jac",
+        ftol=_TOLERANCE,
+        xtol=_TOLERANCE,
+        gtol=_TOLERANCE,
+        max_nfev=200 * problem.size,
+    )
+    return _polish(problem, np.asarray(found.x, dtype=float))
+
+
+def _polish(problem: Problem, x: Floats) -> Floats:
+    """Gauss-Newton, then Newton steps, for as long as they shrink the gradient: a trust region stops at the root of rounding."""
+    gradient = _gradient(problem, x)
+    for step in (_gauss_newton_step, _newton_step):
+        for _ in range(_POLISH_STEPS):
+            better = x + step(problem, x)
+            better_gradient = _gradient(problem, better)
+            if not better_gradient < gradient:
+                break
+            x, gradient = better, better_gradient
+    return x
+
+
+def _gauss_newton_step(problem: Problem, x: Floats) -> Floats:
+    jacobian = problem.jacobian(x)
+    lengths = _lengths(jacobian)
+    step: Floats = np.linalg.lstsq(jacobian / lengths, -problem.residuals(x), rcond=None)[0] / lengths
+    return step
+
+
+def _newton_step(problem: Problem, x: Floats) -> Floats:
+    """With the curvature of the residuals, from differences of the exact gradient: needed where the residual is large."""
+
+    def slopes(scaled: Floats) -> Floats:
+        at = x + scaled / lengths
+        return np.asarray(problem.jacobian(at).T @ problem.residuals(at) / lengths)
+
+    lengths = _lengths(problem.jacobian(x))
+    moves = np.eye(problem.size) * 1e-6 * float(np.linalg.norm(problem.weights * np.abs(problem.values)))
+    curvature = np.stack([(slopes(move) - slopes(-move)) / (2.0 * move[k]) for k, move in enumerate(moves)], axis=1)
+    step: Floats = np.linalg.lstsq(curvature, -slopes(np.zeros(problem.size)), rcond=None)[0] / lengths
+    return step
+
+
+def _lengths(columns: Floats) -> Floats:
+    return np.asarray(np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny))
+
+
+def _starts(problem: Problem) -> Iterator[tuple[str, Floats]]:
+    for delay in _delay_starts(problem):
+        advanced = problem.values * np.exp(problem.s * delay)
+        label = f", delay {delay / problem.frequency:.4g} s" if problem.free_delay else ""
+        bottom = np.append(1.0, np.zeros(problem.poles))
+        for iteration in range(_LINEAR_ITERATIONS[problem.free_delay]):
+            top, bottom = _linear_fit(problem, advanced, bottom)
+            if iteration == 0:
+                yield f"Levy{label}", _join(problem, *_reflected(problem, advanced, top, bottom), delay)
+        yield f"Sanathanan-Koerner{label}", _join(problem, top, bottom, delay)
+        yield f"Sanathanan-Koerner, reflected{label}", _join(problem, *_reflected(problem, advanced, top, bottom), delay)
+    for name, poles in _pole_starts(problem):
+        bottom = np.polynomial.polynomial.polyfromroots(poles).real
+        bottom = bottom / bottom[0]
+        yield name, _join(problem, _numerator(problem, problem.values, bottom), bottom, 0.0)
+
+
+def _pole_starts(problem: Problem) -> Iterator[tuple[str, Complexes]]:
+    """Sets of stable poles over the range of the frequencies: real ones, and with one resonance at a time."""
+    reach = float(np.abs(problem.s).max())
+    if problem.poles:
+        real = -np.geomspace(reach**-0.5, reach**0.75, problem.poles + 1)[:-1].astype(complex)
+        yield "real poles over the frequencies", real
+    if problem.poles >= 2:
+        for size in np.geomspace(1.0 / reach, reach, _RESONANCE_STARTS):
+            pair = size * np.array([-0.1 + 1j, -0.1 - 1j])
+            yield f"resonance at {size * problem.frequency:.3g} rad/s", np.concatenate([real[2:], pair])
+
+
+def _delay_starts(problem: Problem) -> Floats:
+    if not problem.free_delay:
+        return np.zeros(1)
+    # A lag has no more delay than its phase is worth at any frequency; half a radian apart at the highest, no basin is missed.
+    used = problem.s.imag > 0.0
+    phase = np.unwrap(np.angle(problem.values))
+    most = max(float(np.max((phase[0] - phase[used]) / problem.s.imag[used], initial=0.0)), 0.0)
+    count = min(_DELAY_STARTS, 2 + math.ceil(2.0 * most * float(problem.s.imag[-1])))
+    return np.linspace(0.0, most, count)
+
+
+def _linear_fit(problem: Problem, values: Complexes, previous: Floats) -> tuple[Floats, Floats]:
+    """One Sanathanan-Koerner step: numerator - values * denominator, over the previous denominator, linear in both."""
+    weights = problem.weights / np.abs(np.polynomial.polynomial.polyval(problem.s, previous))
+    powers = problem.s[:, None] ** np.arange(max(problem.zeros, problem.poles) + 1)
+    columns = np.concatenate([powers[:, : problem.zeros + 1], -values[:, None] * powers[:, 1 : problem.poles + 1]], axis=1)
+    solution = _solve(weights[:, None] * columns, weights * values)
+    return solution[: problem.zeros + 1], np.append(1.0, solution[problem.zeros + 1 :])
+
+
+def _numerator(problem: Problem, values: Complexes, bottom: Floats) -> Floats:
+    """The best numerator for a given denominator: a linear problem."""
+    factor = problem.weights / np.polynomial.polynomial.polyval(problem.s, bottom)
+    return _solve(factor[:, None] * problem.s[:, None] ** np.arange(problem.zeros + 1), problem.weights * values)
+
+
+def _solve(matrix: Complexes, right: Complexes) -> Floats:
+    stacked = _stack(matrix)
+    lengths = _lengths(stacked)
+    solution: NDArray[np.float64] = np.linalg.lstsq(stacked / lengths, _stack(right), rcond=None)[0] / lengths
+    return solution
+
+
+def _reflected(problem: Problem, values: Complexes, top: Floats, bottom: Floats) -> tuple[Floats, Floats]:
+    """Mirror poles of the right half plane into the left one: linear starts on noisy data are often unstable."""
+    if bottom[-1] == 0.0:
+        return top, bottom
+    poles = polynomial_roots(bottom)
+    if np.all(poles.real < 0.0):
+        return top, bottom
+    mirrored = np.polynomial.polynomial.polyfromroots(-np.abs(poles.real) + 1j * poles.imag).real
+    stable = mirrored / mirrored[0]
+    return _numerator(problem, values, stable), stable
+
+
+def _join(problem: Problem, top: Floats, bottom: Floats, delay: float) -> Floats:
+    return np.concatenate([top, bottom[1:], np.full(problem.free_delay, delay)])
+
+
+def _optimum(problem: Problem, best: Floats, gradient: float, found: list[tuple[str, Floats]]) -> Optimum:
+    jacobian = problem.jacobian(best)
+    lengths = np.linalg.norm(jacobian, axis=0)
+    _, singular, right = np.linalg.svd(jacobian / lengths, full_matrices=False)
+    condition = float(singular[0] / singular[-1]) if singular[-1] > 0.0 else math.inf
+    if not condition < _LARGEST_CONDITION:
+        message = (
+            f"the data cannot tell the {problem.size} parameters of {problem.zeros} zeros and {problem.poles} poles apart"
+            f" (condition number {condition:.1e}, limit {_LARGEST_CONDITION:g}); use fewer zeros or poles"
+        )
+        raise AnalysisError(message, condition=condition)
+    cost, scale = _cost(problem, best), problem.units / lengths
+    measured = 2 * problem.s.size - int(problem.s[0] == 0.0)
+    inverse = (right.T / singular**2) @ right
+    units = problem.units
+    top, bottom, delay = problem.split(best * units)
+    floor = np.finfo(float).eps * float(np.sum((problem.weights * np.abs(problem.values)) ** 2))
+    starts = tuple(
+        Start(
+            name=name,
+            residual_sum=_cost(problem, x) * problem.gain**2,
+            agrees=bool(_cost(problem, x) <= cost * (1.0 + _SAME_COST) + floor),
+        )
+        for name, x in found
+    )
+    return Optimum(
+        numerator=tuple(top.tolist()),
+        denominator=tuple(bottom.tolist()),
+        delay=delay,
+        residual_sum=cost * problem.gain**2,
+        covariance=inverse * np.outer(scale, scale) * cost / (measured - problem.size),
+        condition=condition,
+        gradient=gradient,
+        starts=starts,
+    )
