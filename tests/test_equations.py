@@ -165,11 +165,11 @@ def test_results_that_are_no_tuple_are_refused(wrap: Callable[[Any], Any]) -> No
 
 FAILURES: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
     "too few": (lambda p, x: (x[5],), "IndexError: tuple index out of range"),  # noqa: ARG005 - the form of all equations
-    "unpacking": (lambda p, x: next(a for a, b in (x,)), "ValueError: too many values to unpack (expected 2)"),  # noqa: ARG005 - same
+    "unpacking": (lambda p, x: next(a for a, b in (x,)), "ValueError: too many values to unpack (expected 2)"),  # noqa: ARG005 - the form of all equations
     "no such parameter": (lambda p, x: (p.volume + x[0],), "AttributeError: 'tuple' object has no attribute 'volume'"),
     "division": (lambda p, x: (x[0] + 1.0 / (p[0] - 3.0),), "ZeroDivisionError: float division by zero"),
     "call": (lambda p, x: (p[0](x),), "TypeError: 'float' object is not callable"),
-    "text": (lambda p, x: (np.exp(x[0]).real,), "AttributeError: 'Traced' object has no attribute 'real'"),  # noqa: ARG005 - same
+    "text": (lambda p, x: (np.exp(x[0]).real,), "AttributeError: 'Traced' object has no attribute 'real'"),  # noqa: ARG005 - the form of all equations
 }
 
 
@@ -212,6 +212,8 @@ from typing import NamedTuple
 from enum import Enum
 GAIN = 2.0
 LIMITS = (1.0, [3.0, 4.0])
+NAMES = frozenset(("a", "b", "c", "d"))
+HELPER = np.clip
 TABLE = np.linspace(0.0, 1.0, 2000)
 class Mode(Enum):
     FAST = 1.0
@@ -220,7 +222,7 @@ class Fixed:
 def inner(value, scale=2.0, *, shift=0.25):
     return scale * value + shift
 def middle(value):
-    return GAIN * inner(value) + LIMITS[1][0] + TABLE[7]
+    return GAIN * inner(value) + LIMITS[1][0] + TABLE[7] + len(NAMES) + float(callable(HELPER))
 def comprehended(values):
     return sum([inner(value) for value in values])
 """
@@ -259,6 +261,8 @@ def digests(folder: Path, callee: str, caller: str = CALLER) -> tuple[str, str, 
     [
         ("GAIN = 2.0", "GAIN = 2.0000000000000004", False),
         ("[3.0, 4.0]", "[3.5, 4.0]", False),
+        ('"c", "d"', '"c", "e"', False),
+        ("HELPER = np.clip", "HELPER = np.interp", False),
         ("np.linspace(0.0, 1.0, 2000)", "np.append(np.linspace(0.0, 1.0, 2000)[:-1], 1.0 + 1e-12)", False),
         ("FAST = 1.0", "FAST = 1.5", False),
         ("offset = 0.5", "offset = 0.75", False),
@@ -322,7 +326,7 @@ def test_a_compiled_function_counts_as_its_python_code() -> None:
         return lambda _, x: (compiled(x[0]),)
 
     double: Callable[[float], float] = lambda value: 2.0 * value  # noqa: E731 - two functions of equal code, apart in their constant
-    triple: Callable[[float], float] = lambda value: 3.0 * value  # noqa: E731 - same
+    triple: Callable[[float], float] = lambda value: 3.0 * value  # noqa: E731 - equal but for its constant
     assert equation_digest(make(double)) == equation_digest(make(double))
     assert equation_digest(make(double)) != equation_digest(make(triple))
 

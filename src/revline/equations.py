@@ -159,11 +159,9 @@ def _is_library(function: FunctionType) -> bool:
 
 
 def _reached(value: object, seen: set[int]) -> Iterator[str]:
-    compiled = getattr(value, "py_func", None)
-    if isinstance(value, FunctionType) and not _is_library(value):
-        yield from _reached_by_function(value, seen)
-    elif isinstance(compiled, FunctionType):
-        yield from _reached_by_function(compiled, seen)
+    plain = getattr(value, "py_func", value)  # numba keeps the Python function that it compiled under this name
+    if isinstance(plain, FunctionType) and not _is_library(plain):
+        yield from _reached_by_function(plain, seen)
     elif isinstance(value, tuple | list):
         yield f"{type(value).__name__} {len(value)}"
         for entry in value:
@@ -185,6 +183,7 @@ def _reached_by_function(function: FunctionType, seen: set[int]) -> Iterator[str
 
 
 def _content(value: object) -> str:
+    """Text for anything but functions and sequences, without the addresses that differ from process to process."""
     if isinstance(value, ModuleType):
         return f"module {value.__name__}"
     if isinstance(value, type):
@@ -193,7 +192,9 @@ def _content(value: object) -> str:
         return f"ufunc {value.__name__}"
     if isinstance(value, np.ndarray):
         return f"array {value.dtype.str} {value.shape} {value.tobytes().hex()}"
-    return re.sub(r" at 0x[0-9a-f]+", "", repr(value))
+    if isinstance(value, set | frozenset):
+        return f"set {sorted(map(_content, value))}"
+    return re.sub(r" at 0x[0-9A-Fa-f]+", "", repr(value))
 
 
 def _code_parts(code: CodeType) -> Iterator[str]:
@@ -203,7 +204,7 @@ def _code_parts(code: CodeType) -> Iterator[str]:
         if isinstance(constant, CodeType):
             yield from _code_parts(constant)
         else:
-            yield repr(sorted(constant, key=repr) if isinstance(constant, frozenset) else constant)
+            yield _content(constant)
 
 
 @functools.cache

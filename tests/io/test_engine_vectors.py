@@ -117,3 +117,9 @@ def test_a_parameter_out_of_range_is_named_with_line_and_position() -> None:
 
 def test_the_name_does_not_enter_the_vector() -> None:
     assert format_engine_vector(replace(lee1995(), name="x")).text == format_engine_vector(lee1995()).text
+
+
+def test_the_vector_in_the_documentation_is_the_thesiss() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "engine-files.md").read_text()
+    text = page.partition("```text\n")[2].partition("```")[0]
+    assert parse_engine_vector(text).content_digest == lee1995().content_digest

@@ -11,8 +11,17 @@ from typing import Any
 from revline.errors import InvalidInputError, suggestion
 
 KINDS = MappingProxyType(
-    {bool: "a boolean", str: "a text", int: "an integer", float: "a number", list: "an array", dict: "a table"}
-    | dict.fromkeys((datetime, date, time), "a date or time")
+    {
+        bool: "a boolean",
+        str: "a text",
+        int: "an integer",
+        float: "a number",
+        list: "an array",
+        dict: "a table",
+        datetime: "a date or time",
+        date: "a date or time",
+        time: "a date or time",
+    }
 )
 """How messages call the types that TOML has."""
 
