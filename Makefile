@@ -38,7 +38,8 @@ acceptance: .venv/.dev ## Check the study in ./out against published and converg
 	$(BIN)/python tests/acceptance/check_study.py $(OUT)
 
 bench: .venv/.dev ## Measure speed; see benchmarks/.
-	$(BIN)/python -m pytest benchmarks --benchmark-only
+	$(BIN)/python -m pytest benchmarks --benchmark-enable --benchmark-only
+	set -e; for script in $(wildcard benchmarks/*_against_*.py); do $(BIN)/python $$script; done
 
 lock: .venv/.dev ## Write requirements/ anew from pyproject.toml.
 	sh scripts/lock.sh $(BIN)/uv

@@ -3,6 +3,7 @@
 import ast
 import inspect
 import pkgutil
+import re
 import sys
 from pathlib import Path
 
@@ -49,7 +50,11 @@ nitpick_ignore_regex = [
     (r"py:class", r"revline\.(\w+\.)*[A-Z]"),
 ]
 
+# Records may share the name of a field; a text that names it means its own record's.
+suppress_warnings = ["ref.python"]
+
 GENERATED = HERE / "_generated"
+MARKED = re.compile(r"(``.+?``|`[^`]+`_?)")
 
 
 def public_page() -> str:
@@ -90,6 +95,15 @@ def write_pages(_: Sphinx) -> None:
             path.write_text(text)
 
 
+def keep_bars(_app: Sphinx, _what: str, _name: str, _value: object, _options: object, lines: list[str]) -> None:
+    """Docstrings are plain text: |G| is a magnitude there, and no substitution."""
+    for number, line in enumerate(lines):
+        if not line.lstrip().startswith((">>>", "...")):
+            parts = MARKED.split(line)
+            lines[number] = "".join(part if MARKED.fullmatch(part) else part.replace("|", r"\|") for part in parts)
+
+
 def setup(app: Sphinx) -> None:
-    """Have the pages written before Sphinx looks for them."""
+    """Have the pages written before Sphinx looks for them, and docstrings read as plain text."""
     app.connect("config-inited", lambda application, _: write_pages(application))
+    app.connect("autodoc-process-docstring", keep_bars, priority=900)  # after the sections were read

@@ -49,6 +49,10 @@ class Variable:
     search_high: float = math.inf
     nominal: float = 0.0
 
+    def renamed(self, name: str) -> "Variable":
+        """Give the same quantity another name."""
+        return replace(self, name=name)
+
 
 @dataclass(frozen=True, slots=True)
 class Structure:

@@ -47,6 +47,9 @@ def mutable_values(value: ast.AST) -> Iterator[ast.AST]:
     """Parts of an expression that can change later; what a freezing call swallows cannot."""
     if isinstance(value, ast.Lambda):
         return
+    if isinstance(value, ast.Subscript):  # what stands in the brackets is a key or a type, as in Callable[[float], None]
+        yield from mutable_values(value.value)
+        return
     if isinstance(value, ast.Call):
         if called(value) in MUTABLE_CALLS:
             yield value
@@ -65,7 +68,9 @@ def mutable_values(value: ast.AST) -> Iterator[ast.AST]:
 def inner_values(frozen: ast.AST) -> Iterator[ast.AST]:
     """Mutable parts one level inside what a freezing call froze: their container is safe, they are not."""
     for child in ast.iter_child_nodes(frozen):
-        if not isinstance(child, ast.comprehension):
+        if isinstance(frozen, ast.BinOp):  # a union of containers, itself frozen
+            yield from inner_values(child)
+        elif not isinstance(child, ast.comprehension):
             yield from mutable_values(child)
 
 
@@ -148,7 +153,7 @@ def find_long_functions(source: str, limit: int = FUNCTION_LINES) -> list[str]:
 
 DIRECTIVES = re.compile(r"#\s*(?:noqa|type:\s*ignore|ruff:\s*noqa|mypy:|pragma:)[^#\s]*", re.IGNORECASE)
 WITH_REASON = re.compile(
-    r"^(?:# noqa: [A-Z]+\d+(?:, ?[A-Z]+\d+)* - \S+.*|# type: ignore\[[\w, -]+\]  # (?:noqa: [A-Z]+\d+(?:, ?[A-Z]+\d+)* - )?(?!noqa)\S+.*)$"
+    r"^(?:# noqa: [A-Z]+\d+(?:, ?[A-Z]+\d+)* - \S+.*|# type: ignore\[[\w, -]+\] +# (?:noqa: [A-Z]+\d+(?:, ?[A-Z]+\d+)* - )?(?!noqa)\S+.*)$"
 )
 
 
@@ -158,7 +163,7 @@ def find_bare_ignores(source: str) -> list[str]:
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         if token.type != tokenize.COMMENT or not DIRECTIVES.match(token.string):
             continue
-        reason = re.split(r" - |  # ", token.string)[-1]
+        reason = re.split(r" - | # ", token.string)[-1]
         if not WITH_REASON.match(token.string) or len(reason.split()) < 2:
             found.append(f"line {token.start[0]}: {token.string}")
     return found
@@ -233,6 +238,7 @@ def test_imported_modules_hold_nothing_that_changes() -> None:
         "import collections\ncounts = collections.defaultdict(int)",
         "import numpy as np\ngrid = np.linspace(0, 1, 5)",
         "frozen = MappingProxyType({'a': []})",
+        "frozen = MappingProxyType({'a': 1} | {'b': []})",
         "if True:\n    cache = dict()",
         "def f():\n    global x\n    x = 1",
         "x = 1\nx = 2",
@@ -251,11 +257,13 @@ def test_planted_state_is_found(planted: str) -> None:
     [
         "from types import MappingProxyType\ntable = MappingProxyType({'a': 1, 'b': (2, 3)})",
         "names = frozenset({'a'} | {'b'})",
+        "table = MappingProxyType({'a': 1} | {'b': 2})",
         "powers = tuple(2**k for k in range(3))",
         "ordered = tuple([1, 2])",
         "import functools\n@functools.cache\ndef f():\n    made = []\n    return made",
         "class A:\n    def f(self):\n        return [1]",
         "Name = Annotated[float, Unit('m')]",
+        "Kernel = Callable[[float, float], None]",
     ],
 )
 def test_frozen_values_pass(sound: str) -> None:

@@ -1,0 +1,137 @@
+"""Values and exact first derivatives of a system's equations, at many points at once.
+
+Equations are made of numpy's functions, so they take arrays in place of scalars: all points, and all perturbed arguments, go through
+each equation in one call.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from revline.equations import Equation
+from revline.lti.batches import solve_each
+from revline.system import DelaySystem, Floats
+
+COMPLEX_STEP = 1e-30
+"""Imaginary step; so small that the real part, and the derivative, are exact to rounding. Source: Squire and Trapp (1998)."""
+
+Matrix = NDArray[Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Jacobians:
+    """Derivatives of rate, output and emit with respect to states, inputs and channel readings; points along the first axis."""
+
+    A: Floats
+    Bu: Floats
+    Bz: Floats
+    Cy: Floats
+    Dyu: Floats
+    Dyz: Floats
+    Cz: Floats
+    Dzu: Floats
+    Dzz: Floats
+
+
+def evaluate(system: DelaySystem, function: Equation, x: Matrix, u: Matrix, zd: Matrix) -> Matrix:
+    """Evaluate one of a system's equations at many points.
+
+    Args:
+        system: gives the parameters.
+        function: its emit, lags, rate or output.
+        x: states, real or complex; the last axis counts them.
+        u: inputs, in the same way.
+        zd: channel readings, in the same way.
+
+    Returns:
+        Results along the last axis. Where an equation divides by zero or overflows they are not finite, without a warning.
+    """
+    shape = np.broadcast_shapes(x.shape[:-1], u.shape[:-1], zd.shape[:-1])
+    with np.errstate(all="ignore"):
+        results = function(system.parameters, *(tuple(v[..., k] for k in range(v.shape[-1])) for v in (x, u, zd)))
+    values = np.empty((*shape, len(results)), dtype=np.result_type(x, u, zd))
+    for k, result in enumerate(results):
+        values[..., k] = result
+    return values
+
+
+def differentiate(system: DelaySystem, function: Equation, x: Floats, u: Floats, zd: Floats) -> tuple[Floats, Floats, Floats]:
+    """Differentiate one of a system's equations by complex step.
+
+    Args:
+        system: gives the parameters.
+        function: its emit, lags, rate or output.
+        x: states; the last axis counts them.
+        u: inputs, in the same way.
+        zd: channel readings, in the same way.
+
+    Returns:
+        Derivatives with respect to x, u and zd: the points' axes, then results, then arguments.
+
+    Source:
+        Squire and Trapp (1998), SIAM Review 40(1), 110-112.
+    """
+    sizes = (x.shape[-1], u.shape[-1], zd.shape[-1])
+    total = sum(sizes)
+    directions = np.eye(total).reshape(total, *(1 for _ in x.shape[:-1]), total)
+    moved = np.concatenate((x, u, zd), axis=-1) + 1j * COMPLEX_STEP * directions
+    ends = np.cumsum(sizes)
+    parts = moved[..., : ends[0]], moved[..., ends[0] : ends[1]], moved[..., ends[1] :]
+    slopes = np.moveaxis(evaluate(system, function, *parts).imag, 0, -1) / COMPLEX_STEP
+    return slopes[..., : ends[0]], slopes[..., ends[0] : ends[1]], slopes[..., ends[1] :]
+
+
+def find_jacobians(system: DelaySystem, x: Floats, u: Floats, zd: Floats) -> Jacobians:
+    """Differentiate rate, output and emit; see `differentiate`."""
+    A, Bu, Bz = differentiate(system, system.rate, x, u, zd)
+    Cy, Dyu, Dyz = differentiate(system, system.output, x, u, zd)
+    Cz, Dzu, Dzz = differentiate(system, system.emit, x, u, zd)
+    return Jacobians(A=A, Bu=Bu, Bz=Bz, Cy=Cy, Dyu=Dyu, Dyz=Dyz, Cz=Cz, Dzu=Dzu, Dzz=Dzz)
+
+
+def settle_channels(system: DelaySystem, x: Floats, u: Floats, passes: int = 40) -> Floats:
+    """Find what channels carry at rest, where each reading equals what enters: zd = emit(p, x, u, zd).
+
+    Channels that follow one another settle after as many passes as there are channels; a loop of channels is solved by Newton.
+
+    Args:
+        system: any system.
+        x: states; the last axis counts them.
+        u: inputs, in the same way.
+        passes: most Newton steps for a loop of channels.
+
+    Returns:
+        Readings along the last axis; not finite where a loop has no solution that Newton reaches.
+    """
+    count = len(system.channels)
+    shape = np.broadcast_shapes(x.shape[:-1], u.shape[:-1])
+    readings = np.zeros((*shape, count))
+    for _ in range(count):
+        readings = evaluate(system, system.emit, x, u, readings)
+        if not _reads_channels(system):
+            return readings
+    settled = evaluate(system, system.emit, x, u, readings)
+    if np.array_equal(settled, readings, equal_nan=True):
+        return readings
+    return _settle_loop(system, x, u, readings, passes)
+
+
+def _reads_channels(system: DelaySystem) -> bool:
+    return any(source.startswith("zd") for sources in system.structure.emit for source in sources)
+
+
+def _settle_loop(system: DelaySystem, x: Floats, u: Floats, readings: Floats, passes: int) -> Floats:
+    wide_x = np.broadcast_to(x, (*readings.shape[:-1], x.shape[-1]))
+    wide_u = np.broadcast_to(u, (*readings.shape[:-1], u.shape[-1]))
+    for _ in range(passes):
+        miss = evaluate(system, system.emit, wide_x, wide_u, readings) - readings
+        slope = np.eye(readings.shape[-1]) - differentiate(system, system.emit, wide_x, wide_u, readings)[2]
+        step = solve_each(slope, miss)
+        readings = readings + step
+        if np.all(np.abs(step) <= 1e-14 * np.abs(readings)):
+            break
+    entering = evaluate(system, system.emit, wide_x, wide_u, readings)
+    settled = np.abs(entering - readings) <= 1e-9 * (np.abs(entering) + np.abs(readings))
+    return np.where(np.all(settled, axis=-1, keepdims=True), readings, np.nan)

@@ -1,0 +1,237 @@
+"""Exact linearisation of any system with delay channels about a steady state.
+
+A lag may depend on the state. At a steady state what travels in a channel does not change with time, so reading it a little earlier or
+later makes no first-order difference: the lag contributes its value alone, and only rate, output and emit are differentiated.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from revline.analysis.jacobians import Jacobians, Matrix, evaluate, find_jacobians
+from revline.equations import Equation
+from revline.errors import InvalidInputError
+from revline.lti.state_space import DelayStateSpace, Signal
+from revline.system import DelaySystem, Floats, Variable
+
+DRIFT_LIMIT = 1e-8
+"""Largest drift of a state at rest, per second, as a fraction of its search range."""
+
+KINK_STEPS = (1e-4, 1e-5)
+"""Steps of one-sided differences, as fractions of a variable's range."""
+
+KINK_TOLERANCE = 1e-3
+"""One-sided derivatives that differ by more than this fraction, and as much at the small step as at the large, mark a kink."""
+
+NOISE = 1e-7
+"""Slopes below this fraction of the steepest of their equation, all arguments over their ranges, are rounding."""
+
+
+class SteadyState(Protocol):
+    """Where to linearise: a `Trim`, or any record of the same arrays."""
+
+    @property
+    def states(self) -> Floats:
+        """Values of the states."""
+
+    @property
+    def inputs(self) -> Floats:
+        """Values of the inputs."""
+
+    @property
+    def channels(self) -> Floats:
+        """What the channels carry."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kink:
+    """An argument at which an equation has no single derivative, or at which a limit makes it flat.
+
+    Attributes:
+        result: what is computed, for example "rate of manifold_pressure".
+        argument: what it is computed from, for example "throttle".
+        below: derivative for a small decrease of the argument.
+        above: derivative for a small increase.
+        used: derivative in the linear model.
+    """
+
+    result: str
+    argument: str
+    below: float
+    above: float
+    used: float
+
+    def __str__(self) -> str:
+        """Say what is limited, for a warning."""
+        if self.below == self.above == self.used == 0.0:
+            return f"{self.result} does not answer to {self.argument} here: a limit is active"
+        sides = f"slope {self.below:g} below, {self.above:g} above"
+        return f"{self.result} has a kink in {self.argument} here: {sides}; the model has {self.used:g}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Linearization:
+    """A linear model about a steady state, with what limits its validity.
+
+    Attributes:
+        model: linear system with the delays exact.
+        kinks: limits that are active, or just reached, at the point.
+    """
+
+    model: DelayStateSpace
+    kinks: tuple[Kink, ...]
+
+
+def linearize(system: DelaySystem, point: SteadyState) -> Linearization:
+    """Linearise a system about a steady state, with derivatives exact to rounding and all delays kept.
+
+    Args:
+        system: any system with delay channels.
+        point: steady state, from `find_trim` for example.
+
+    Returns:
+        The linear model, and the kinks and active limits met at the point.
+
+    Raises:
+        InvalidInputError: the point does not fit the system or is no steady state, or an equation has no finite derivative there.
+
+    Source:
+        Complex step: Squire and Trapp (1998), SIAM Review 40(1), 110-112. State-dependent lags at a steady state: Cooke and Huang
+        (1996), Proceedings of the AMS 124(5), 1417-1426.
+    """
+    check_steady(system, point)
+    jacobians = find_jacobians(system, point.states, point.inputs, point.channels)
+    lags = evaluate(system, system.lags, point.states, point.inputs, point.channels)
+    return Linearization(model=build_model(system, jacobians, lags), kinks=find_kinks(system, point, jacobians))
+
+
+def build_model(system: DelaySystem, jacobians: Jacobians, lags: Floats) -> DelayStateSpace:
+    """Name the derivatives at one point as a linear system.
+
+    Raises:
+        InvalidInputError: a derivative is not finite, or a lag is not positive.
+    """
+    return DelayStateSpace(
+        A=jacobians.A,
+        Bu=jacobians.Bu,
+        Bz=jacobians.Bz,
+        Cy=jacobians.Cy,
+        Dyu=jacobians.Dyu,
+        Dyz=jacobians.Dyz,
+        Cz=jacobians.Cz,
+        Dzu=jacobians.Dzu,
+        Dzz=jacobians.Dzz,
+        lags=lags,
+        states=_signals(system.states),
+        inputs=_signals(system.inputs),
+        outputs=_signals(system.outputs),
+        channels=_signals(system.channels),
+    )
+
+
+def check_steady(system: DelaySystem, point: SteadyState) -> None:
+    """Refuse a point at which a state or a channel changes.
+
+    Raises:
+        InvalidInputError: names what changes, how fast, and the limit; or the signals that the point does not fit.
+    """
+    for what, values, variables in (
+        ("states", point.states, system.states),
+        ("inputs", point.inputs, system.inputs),
+        ("channels", point.channels, system.channels),
+    ):
+        if values.shape != (len(variables),):
+            message = f"the point has {values.size} {what} where {system.name} has {len(variables)}; give a steady state of this system"
+            raise InvalidInputError(message)
+    drift = evaluate(system, system.rate, point.states, point.inputs, point.channels)
+    for variable, rate in zip(system.states, drift, strict=True):
+        limit = DRIFT_LIMIT * search_scale(variable)
+        if not abs(rate) <= limit:
+            unit = rate_unit(variable)
+            message = f"no steady state: {variable.name} drifts by {rate:g} {unit} (limit {limit:g} {unit}); find one with find_trim()"
+            raise InvalidInputError(message, quantity=variable.name, drift=float(rate), limit=limit)
+    entering = evaluate(system, system.emit, point.states, point.inputs, point.channels)
+    for variable, old, new in zip(system.channels, point.channels, entering, strict=True):
+        if not abs(new - old) <= 1e-9 * (abs(old) + 1e-12):
+            readings = f"reads {old:g} {variable.unit} where {new:g} {variable.unit} enters"
+            message = f"no steady state: channel {variable.name} {readings}; find one with find_trim()"
+            raise InvalidInputError(message, quantity=variable.name, reading=float(old), entering=float(new))
+
+
+def search_scale(variable: Variable) -> float:
+    """Give the width of a variable's search range, of its range where it has no other, or 1 where both are without end."""
+    for low, high in ((variable.search_low, variable.search_high), (variable.low, variable.high)):
+        if np.isfinite(low) and np.isfinite(high):
+            return float(high - low)
+    return max(1.0, abs(variable.nominal))
+
+
+def rate_unit(variable: Variable) -> str:
+    """Give the unit of a variable's rate of change: of rad/s it is rad/s2."""
+    return f"{variable.unit}2" if variable.unit.endswith("/s") else f"{variable.unit}/s"
+
+
+def find_kinks(system: DelaySystem, point: SteadyState, jacobians: Jacobians) -> tuple[Kink, ...]:
+    """Compare exact derivatives with one-sided differences, and find arguments to which an equation is flat.
+
+    Args:
+        system: any system.
+        point: where.
+        jacobians: its exact derivatives there.
+
+    Returns:
+        One entry for each result and argument with a kink or an active limit. A smooth extremum is neither.
+    """
+    blocks = (
+        ("rate of ", system.rate, system.states, (jacobians.A, jacobians.Bu, jacobians.Bz), system.structure.rate),
+        ("output ", system.output, system.outputs, (jacobians.Cy, jacobians.Dyu, jacobians.Dyz), system.structure.output),
+        ("channel ", system.emit, system.channels, (jacobians.Cz, jacobians.Dzu, jacobians.Dzz), system.structure.emit),
+    )
+    names = [variable.name for variable in (*system.states, *system.inputs)] + [f"reading of {v.name}" for v in system.channels]
+    keys = [f"{k}{i}" for k, group in (("x", system.states), ("u", system.inputs), ("zd", system.channels)) for i in range(len(group))]
+    found = []
+    for prefix, function, results, slopes, structure in blocks:
+        exact = np.concatenate(slopes, axis=-1)
+        below, above, limited = _one_sided(system, function, point, exact)
+        for row, column in np.argwhere(limited):
+            if keys[column] in structure[row]:
+                kink = Kink(
+                    result=f"{prefix}{results[row].name}",
+                    argument=names[column],
+                    below=float(below[row, column]),
+                    above=float(above[row, column]),
+                    used=float(exact[row, column]),
+                )
+                found.append(kink)
+    return tuple(found)
+
+
+def _one_sided(system: DelaySystem, function: Equation, point: SteadyState, exact: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+    """Slopes below and above over (results, arguments), and where a limit makes them flat or different."""
+    spans = np.array([search_scale(v) for v in (*system.states, *system.inputs)] + [abs(z) or 1.0 for z in point.channels])
+    coarse, fine = (_differences(system, function, point, fraction * spans) for fraction in KINK_STEPS)
+    wide, narrow = (np.abs(above - below) for below, above in (coarse, fine))
+    below, above = fine
+    rise = np.maximum(np.abs(below), np.abs(above)) * spans
+    steepest = np.max(rise, axis=-1, keepdims=True, initial=0.0)
+    # Curvature makes the sides differ in proportion to the step; at a kink the difference does not shrink with it.
+    kinked = ~((narrow <= 0.5 * wide) | (narrow * spans <= KINK_TOLERANCE * rise) | (narrow * spans <= NOISE * steepest))
+    flat = (coarse[0] == 0.0) & (coarse[1] == 0.0) & (exact == 0.0)
+    return below, above, kinked | flat
+
+
+def _differences(system: DelaySystem, function: Equation, point: SteadyState, steps: Floats) -> tuple[Matrix, Matrix]:
+    base = np.concatenate((point.states, point.inputs, point.channels))
+    ends = np.cumsum((point.states.size, point.inputs.size))
+    centre = evaluate(system, function, point.states, point.inputs, point.channels)
+    sides = []
+    for sign in (-1.0, 1.0):
+        moved = base + sign * np.diag(steps)
+        values = evaluate(system, function, *np.split(moved, ends, axis=-1))
+        sides.append(((values - centre) * sign / steps[:, None]).T)
+    return sides[0], sides[1]
+
+
+def _signals(variables: tuple[Variable, ...]) -> tuple[Signal, ...]:
+    return tuple(Signal(variable.name, variable.unit) for variable in variables)

@@ -1,0 +1,225 @@
+"""Steady states over a range of one input, with stability, and where they end."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from revline.analysis.trim import Trim, find_trim
+from revline.errors import InvalidInputError, NoTrimError, out_of_range
+from revline.system import DelaySystem, Floats, Variable, index_of
+from revline.values import make_read_only
+
+BISECTIONS = 60
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Missing:
+    """A value of the swept input without a steady state in the search range.
+
+    Attributes:
+        value: of the swept input.
+        reason: the message of the search, which names steady states left out.
+    """
+
+    value: float
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Boundary:
+    """Where steady states end, enclosed to the tolerance asked for.
+
+    Attributes:
+        value: of the swept input, the last with a steady state.
+        trim: that steady state.
+        without: the nearest value tried that has none, and why.
+    """
+
+    value: float
+    trim: Trim
+    without: Missing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SteadyMap:
+    """How a system rests, over one input.
+
+    Attributes:
+        system: name of the system.
+        sweep: the input that was swept.
+        output: the output that is looked at.
+        values: of the swept input that have a steady state, rising.
+        trims: the steady state at each.
+        missing: values that have none.
+        boundaries: between values with and without; none where every value has a steady state.
+    """
+
+    system: str
+    sweep: Variable
+    output: Variable
+    values: Floats
+    trims: tuple[Trim, ...]
+    missing: tuple[Missing, ...]
+    boundaries: tuple[Boundary, ...]
+
+    def __post_init__(self) -> None:
+        if self.values.shape != (len(self.trims),) or np.any(np.diff(self.values) <= 0.0):
+            message = f"{self.values.size} values for {len(self.trims)} steady states; give one rising value for each"
+            raise InvalidInputError(message)
+        make_read_only(self)
+
+    @property
+    def states(self) -> Floats:
+        """States at rest: one row for each value."""
+        return np.array([trim.states for trim in self.trims])
+
+    @property
+    def outputs(self) -> Floats:
+        """All outputs at rest: one row for each value."""
+        return np.array([trim.outputs for trim in self.trims])
+
+    @property
+    def output_values(self) -> Floats:
+        """The output that is looked at, for each value."""
+        return np.array([trim.output(self.output.name) for trim in self.trims])
+
+    @property
+    def stable(self) -> NDArray[np.bool_]:
+        """Whether each steady state is stable."""
+        return np.array([trim.stable for trim in self.trims], dtype=bool)
+
+    @property
+    def lowest(self) -> float:
+        """The lowest value of the swept input known to have a steady state, boundaries included."""
+        return float(min((*self.values, *(boundary.value for boundary in self.boundaries))))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader of the map should know: values without a steady state, boundaries, states left out, other trims."""
+        found = [entry.reason for entry in self.missing]
+        sweep = self.sweep
+        for boundary in self.boundaries:
+            side = "below" if boundary.without.value < boundary.value else "above"
+            resting = f"{self.output.name} = {boundary.trim.output(self.output.name):.4g} {self.output.unit}"
+            found.append(f"no steady state {side} {sweep.name} = {boundary.value:.6g} {sweep.unit}, where {resting}")
+        for value, trim in zip(self.values, self.trims, strict=True):
+            place = f"at {sweep.name} = {value:g} {sweep.unit}"
+            found += [f"{place}, {entry}" for entry in trim.left_out]
+            for other in trim.alternatives:
+                resting = f"{self.output.name} = {other.output(self.output.name):.4g} {self.output.unit}"
+                kind = "a stable" if other.stable else "an unstable"
+                found.append(f"{place}, {kind} steady state besides: {resting}")
+        return tuple(found)
+
+
+def find_steady_map(
+    system: DelaySystem,
+    *,
+    sweep_input: str,
+    values: ArrayLike,
+    output: str,
+    inputs: Mapping[str, float] | None = None,
+    tolerance: float = 1e-3,
+) -> SteadyMap:
+    """Find the steady states over a range of one input, following the branch that the first one lies on.
+
+    Args:
+        system: any system with delay channels.
+        sweep_input: the input to sweep.
+        values: of that input, strictly rising, for example `numpy.linspace(0.0, 90.0, 91)`.
+        output: the output to look at.
+        inputs: the other inputs; those not named have their nominal values.
+        tolerance: how closely an end of the steady states is enclosed, in units of the swept input.
+
+    Returns:
+        The map; values without a steady state are listed in it with the reason, and each end is found by bisection.
+
+    Raises:
+        InvalidInputError: a name is unknown, values do not rise or are out of range, or the tolerance is not positive.
+        NoTrimError: no value has a steady state.
+        NotConvergedError: the stability of a steady state could not be decided.
+    """
+    sweep = system.inputs[index_of(system.inputs, sweep_input)]
+    shown = system.outputs[index_of(system.outputs, output)]
+    grid = _checked_values(sweep, values)
+    if not tolerance > 0.0:
+        raise out_of_range("tolerance", tolerance, sweep.unit, "0 to infinity, without 0", "give a positive one")
+    others = dict(inputs or {})
+    if sweep_input in others:
+        message = f"{sweep_input} is both swept and given as {others[sweep_input]:g}; leave one out"
+        raise InvalidInputError(message, name=sweep_input)
+    results: list[Trim | Missing] = []
+    near: dict[str, float] = {}
+    for value in grid:
+        result = _try_value(system, {**others, sweep_input: float(value)}, sweep_input, near)
+        near = _named_states(result) if isinstance(result, Trim) else near
+        results.append(result)
+    if not any(isinstance(result, Trim) for result in results):
+        message = f"no steady state at any {sweep_input} of {grid[0]:g} to {grid[-1]:g} {sweep.unit}; the first: {_reason(results)}"
+        raise NoTrimError(message, low=float(grid[0]), high=float(grid[-1]))
+    return SteadyMap(
+        system=system.name,
+        sweep=sweep,
+        output=shown,
+        values=np.array([value for value, result in zip(grid, results, strict=True) if isinstance(result, Trim)]),
+        trims=tuple(result for result in results if isinstance(result, Trim)),
+        missing=tuple(result for result in results if isinstance(result, Missing)),
+        boundaries=tuple(_find_boundaries(system, others, sweep_input, (grid, results), tolerance)),
+    )
+
+
+def _checked_values(sweep: Variable, values: ArrayLike) -> Floats:
+    grid = np.array(values, dtype=float)
+    if grid.ndim != 1 or grid.size < 2:
+        message = f"values of {sweep.name} have shape {grid.shape}; give a list of at least two"
+        raise InvalidInputError(message)
+    if not np.all(np.diff(grid) > 0.0):
+        message = f"values of {sweep.name} do not rise strictly; sort them and give each once"
+        raise InvalidInputError(message)
+    return grid
+
+
+def _try_value(system: DelaySystem, inputs: Mapping[str, float], sweep_input: str, near: Mapping[str, float]) -> Trim | Missing:
+    try:
+        return find_trim(system, inputs=inputs, near=near)
+    except NoTrimError as error:
+        return Missing(value=inputs[sweep_input], reason=str(error))
+
+
+def _reason(results: list[Trim | Missing]) -> str:
+    return next(result.reason for result in results if isinstance(result, Missing))
+
+
+def _named_states(trim: Trim) -> dict[str, float]:
+    return {variable.name: float(value) for variable, value in zip(trim.state_variables, trim.states, strict=True)}
+
+
+def _find_boundaries(
+    system: DelaySystem, inputs: Mapping[str, float], sweep_input: str, found: tuple[Floats, list[Trim | Missing]], tolerance: float
+) -> list[Boundary]:
+    """Bisect between each pair of neighbours of which one has a steady state and the other none."""
+    grid, results = found
+    boundaries = []
+    for k in range(grid.size - 1):
+        pair = results[k], results[k + 1]
+        for (trim, missing), value in zip((pair, pair[::-1]), (grid[k], grid[k + 1]), strict=True):
+            if isinstance(trim, Trim) and isinstance(missing, Missing):
+                start = Boundary(value=float(value), trim=trim, without=missing)
+                boundaries.append(_bisect(system, inputs, sweep_input, start, tolerance))
+    return boundaries
+
+
+def _bisect(system: DelaySystem, inputs: Mapping[str, float], sweep_input: str, start: Boundary, tolerance: float) -> Boundary:
+    boundary = start
+    for _ in range(BISECTIONS):
+        if abs(boundary.value - boundary.without.value) <= tolerance:
+            break
+        middle = 0.5 * (boundary.value + boundary.without.value)
+        result = _try_value(system, {**inputs, sweep_input: middle}, sweep_input, _named_states(boundary.trim))
+        if isinstance(result, Trim):
+            boundary = Boundary(value=middle, trim=result, without=boundary.without)
+        else:
+            boundary = Boundary(value=boundary.value, trim=boundary.trim, without=result)
+    return boundary

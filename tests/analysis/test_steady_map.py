@@ -1,0 +1,123 @@
+"""Steady states over an input: the engine's published map, ends found by bisection, what is named in warnings."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from revline.analysis.linearize import linearize
+from revline.analysis.steady_map import SteadyMap, find_steady_map
+from revline.errors import InvalidInputError, NoTrimError
+from revline.system import DelaySystem
+
+
+@pytest.fixture(scope="module")
+def engine_map(engine: DelaySystem) -> SteadyMap:
+    values = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 10.0, 20.0, 30.0, 40.0, 60.0, 80.0, 90.0])
+    return find_steady_map(engine, sweep_input="throttle", values=values, output="engine_speed")
+
+
+@pytest.mark.reference
+def test_engine_map(engine_map: SteadyMap) -> None:
+    """Lee (1995), Fig. 4.1, recomputed: speeds, and the equilibria at 4 and 5 deg unstable."""
+    assert engine_map.values.tolist() == [4.0, 5.0, 6.0, 10.0, 20.0, 30.0, 40.0, 60.0, 80.0, 90.0]
+    assert engine_map.output_values[3:8] == pytest.approx([64.46696, 180.67560, 300.77841, 418.61425, 638.93399], abs=1e-5)
+    assert engine_map.stable.tolist() == [False] * 2 + [True] * 8
+    assert engine_map.states[:, 1].tolist() == engine_map.output_values.tolist()
+    assert engine_map.outputs.shape == (10, 9)
+
+
+@pytest.mark.reference
+def test_lowest_angle(engine: DelaySystem, engine_map: SteadyMap) -> None:
+    """The lowest angle whose steady speed is at least 10 rad/s lies between 3 and 5 deg; Lee (1995), recomputed."""
+    (boundary,) = engine_map.boundaries
+    assert engine_map.lowest == boundary.value
+    assert 3.0 < boundary.value < 4.0
+    assert 0.0 < boundary.value - boundary.without.value <= 1e-3
+    speed = boundary.trim.state("engine_speed")
+    slope = linearize(engine, boundary.trim).model.static_gain("throttle", "engine_speed")
+    assert 0.0 <= speed - 10.0 <= 1.01e-3 * slope
+
+
+def test_saturated_throttle_gives_a_plateau(engine_map: SteadyMap) -> None:
+    assert engine_map.output_values[-1] == pytest.approx(engine_map.output_values[-2], rel=1e-12)
+
+
+def test_warnings_name_what_is_left_out(engine_map: SteadyMap) -> None:
+    assert len(engine_map.missing) == 4
+    text = "\n".join(engine_map.warnings)
+    assert "engine_speed = 0.9708 rad/s, with a lag of 5.6" in text
+    assert "engine_speed = 4.743 rad/s" in text
+    assert f"no steady state below throttle = {engine_map.lowest:.6g} deg, where engine_speed = 10 rad/s" in text
+
+
+def test_load_moves_the_map(engine: DelaySystem) -> None:
+    values = [20.0, 30.0]
+    free = find_steady_map(engine, sweep_input="throttle", values=values, output="engine_speed")
+    loaded = find_steady_map(engine, sweep_input="throttle", values=values, output="engine_speed", inputs={"load_torque": 10.0})
+    assert np.all(loaded.output_values < free.output_values)
+    assert free.boundaries == ()
+    assert free.lowest == 20.0
+
+
+def test_boundary_above(linear: DelaySystem) -> None:
+    """The state leaves its search range of 2 m where the force passes 3 N."""
+    narrow = replace(linear, states=(replace(linear.states[0], search_low=-10.0, search_high=2.0),))
+    found = find_steady_map(narrow, sweep_input="force", values=[0.0, 2.0, 4.0], output="position", tolerance=1e-6)
+    (boundary,) = found.boundaries
+    assert boundary.value == pytest.approx(3.0, abs=1.1e-6)
+    assert found.lowest == 0.0
+    assert any(w.startswith("no steady state above force = 3 N, where position = 2 m") for w in found.warnings)
+
+
+def test_follows_the_branch_it_began_on_and_names_the_others(cubic: DelaySystem) -> None:
+    """x^3 - x = u: from u = -2 on the lowest branch, which ends at u = 2 / sqrt(27) = 0.385."""
+    found = find_steady_map(cubic, sweep_input="force", values=[-2.0, -1.0, 0.0, 0.3], output="position")
+    assert np.all(np.diff(found.output_values) > 0.0)
+    assert found.output_values[2] == pytest.approx(-1.0)
+    assert found.output_values[3] ** 3 - found.output_values[3] == pytest.approx(0.3)
+    assert "at force = 0 N, an unstable steady state besides: position = 1 m" in found.warnings
+
+
+def test_stable_alternative_is_named(pendulum: DelaySystem) -> None:
+    system = replace(pendulum, states=(replace(pendulum.states[0], search_low=-1.0, search_high=7.5), pendulum.states[1]))
+    found = find_steady_map(system, sweep_input="force", values=[0.0, 0.1], output="angle")
+    assert any("at force = 0 N, a stable steady state besides: angle = " in w for w in found.warnings)
+
+
+def test_trim_with_something_left_out_warns(chain: DelaySystem) -> None:
+    shown = replace(chain, outputs=chain.states, output=lambda p, x, u, zd: (x[0],))  # noqa: ARG005 - the form of all equations
+    found = find_steady_map(shown, sweep_input="force", values=[0.0, 0.5], output="level")
+    assert found.warnings[0].startswith("at force = 0 N, left out: a steady state at level = -1.5 m")
+
+
+def test_no_steady_state_anywhere(endless: DelaySystem) -> None:
+    with pytest.raises(
+        NoTrimError, match=r"no steady state at any force of 0 to 1 N; the first: no trim at nominal inputs: position still drifts"
+    ):
+        find_steady_map(endless, sweep_input="force", values=[0.0, 1.0], output="position")
+
+
+@pytest.mark.parametrize(
+    ("change", "pattern"),
+    [
+        ({"values": [1.0]}, r"values of force have shape \(1,\); give a list of at least two"),
+        ({"values": [1.0, 1.0]}, r"values of force do not rise strictly"),
+        ({"values": [0.0, 9.0]}, r"force = 9 N is outside -5 to 5 N"),
+        ({"sweep_input": "power"}, r"there is no signal power"),
+        ({"output": "power"}, r"there is no signal power"),
+        ({"tolerance": 0.0}, r"tolerance = 0 N is outside 0 to infinity, without 0"),
+        ({"inputs": {"force": 1.0}}, r"force is both swept and given as 1; leave one out"),
+    ],
+)
+def test_request_that_makes_no_sense_is_refused(linear: DelaySystem, change: dict[str, object], pattern: str) -> None:
+    request = {"sweep_input": "force", "values": [0.0, 1.0], "output": "position"} | change
+    with pytest.raises(InvalidInputError, match=pattern):
+        find_steady_map(linear, **request)  # type: ignore[arg-type]  # the requests differ in their arguments
+
+
+def test_map_checks_itself(engine_map: SteadyMap) -> None:
+    with pytest.raises(InvalidInputError, match=r"2 values for 10 steady states"):
+        replace(engine_map, values=np.array([1.0, 2.0]))
+    with pytest.raises(ValueError, match="read-only"):
+        engine_map.values[0] = 0.0
