@@ -153,8 +153,9 @@ def _spectra(config: StudyConfig, results: StudyResults) -> dict[str, FigureCall
         )
     omega = results.sine.frequency
     times = results.sine.times
+    base = f"sinusoid at {omega:g} rad/s about {config.throttle_deg:g} deg"
     calls["4.3a"] = _call(
-        plot_curves, [Curve(x=times, y=results.sine.throttle, look=PLANT)], TIME, THROTTLE, levels=[Level(config.throttle_deg, f"sinusoid at {omega:g} rad/s about {config.throttle_deg:g} deg")]
+        plot_curves, [Curve(x=times, y=results.sine.throttle, look=PLANT)], TIME, THROTTLE, levels=[Level(config.throttle_deg, base)]
     )  # fmt: skip
     calls["4.3b"] = _call(
         plot_curves,
