@@ -48,6 +48,8 @@ __all__ = (
     "speed_to_rpm",
 )
 
+__version__ = "0.1.0"
+
 _HOMES = MappingProxyType(
     {
         "revline.engine.lee1995": ("lee1995",),
