@@ -1,0 +1,158 @@
+"""What a study is asked: engine, operating point, amplitudes, frequencies and tuning goals, with the thesis's as defaults."""
+
+import csv
+import math
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+
+from revline.errors import InvalidInputError, out_of_range
+from revline.io.engine_files import load_engine
+from revline.io.texts import read_text
+from revline.io.toml_files import TomlFile, parse_toml
+from revline.system import DelaySystem
+
+SCHEMA = "revline.study-file/1"
+SECTION = "study"
+NUMBERS = (
+    ("throttle_deg", "deg"),
+    ("load_n_m", "N m"),
+    ("amplitude_deg", "deg"),
+    ("half_range_deg", "deg"),
+    ("natural_frequency_rad_s", "rad/s"),
+    ("damping_ratio", "1"),
+    ("overshoot_limit", "1"),
+    ("command_rad_s", "rad/s"),
+)
+BUILT_IN = "lee1995"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StartingGains:
+    """Gains that fine tuning begins from; what is not free stays."""
+
+    kp: float
+    ki: float
+    kd: float
+    free: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyConfig:
+    """Questions of a study.
+
+    Attributes:
+        engine: name of a built-in engine, or path of an engine file.
+        throttle_deg, load_n_m: operating point.
+        amplitude_deg: of the sinusoids.
+        half_range_deg: half width of the operating range.
+        natural_frequency_rad_s, damping_ratio: of the pole placement for G1.
+        overshoot_limit: of fine tuning, as a fraction of the command.
+        command_rad_s: step of the speed command; 0 for what the amplitude of the throttle is worth, to two digits.
+        steps_deg: throttle steps.
+        spectrum_frequencies, frequencies: in rad/s.
+    """
+
+    engine: str = BUILT_IN
+    throttle_deg: float = 25.0
+    load_n_m: float = 0.0
+    amplitude_deg: float = 5.0
+    half_range_deg: float = 15.0
+    natural_frequency_rad_s: float = 18.85
+    damping_ratio: float = 1.25
+    overshoot_limit: float = 0.09
+    command_rad_s: float = 0.0
+    steps_deg: tuple[float, ...] = (5.0, 10.0)
+    spectrum_frequencies: tuple[float, ...] = (0.01, 0.05, 0.5, 5.0, 20.0, 50.0)
+    frequencies: tuple[float, ...] = field(default_factory=lambda: tuple(row["frequency_rad_s"] for row in read_table_4_1()))
+
+    def __post_init__(self) -> None:
+        for name, low, high in (
+            ("throttle_deg", 0.0, 90.0),
+            ("amplitude_deg", 1e-6, 45.0),
+            ("half_range_deg", 1e-6, 45.0),
+            ("natural_frequency_rad_s", 1e-6, 1e6),
+            ("damping_ratio", 1e-3, 1e3),
+            ("overshoot_limit", 1e-4, 0.99),
+            ("load_n_m", -1e4, 1e4),
+            ("command_rad_s", -1e4, 1e4),
+        ):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and low <= value <= high):
+                raise out_of_range(f"study.{name}", value, dict(NUMBERS)[name], f"{low:g} to {high:g}", "mend the study file")
+        if len(self.frequencies) < 8 or min(self.frequencies) <= 0.0 or np.any(np.diff(self.frequencies) <= 0.0):
+            message = "study.frequencies_rad_s must be at least 8 rising frequencies above 0 rad/s"
+            raise InvalidInputError(message)
+        if not self.spectrum_frequencies or min(self.spectrum_frequencies) <= 0.0:
+            message = "study.spectrum_frequencies_rad_s must be frequencies above 0 rad/s"
+            raise InvalidInputError(message)
+
+    @property
+    def is_the_thesis(self) -> bool:
+        """Whether engine and operating point are those of Lee (1995), so that its numbers can be set beside."""
+        return (self.engine, self.throttle_deg, self.load_n_m, self.amplitude_deg) == (BUILT_IN, 25.0, 0.0, 5.0)
+
+    @property
+    def starting_gains_g2(self) -> StartingGains | None:
+        """Hand-tuned gains of Lee (1995), section 5.3; their ki is illegible there and free here."""
+        return StartingGains(kp=20.0, ki=247.5, kd=0.4, free=("ki",)) if self.is_the_thesis else None
+
+    @property
+    def starting_gains_g2d(self) -> StartingGains | None:
+        """Hand-tuned gains of Lee (1995), section 5.4; their ki is illegible there and free here."""
+        return StartingGains(kp=1.2, ki=2.0, kd=0.1, free=("ki",)) if self.is_the_thesis else None
+
+    def load_engine(self) -> DelaySystem:
+        """Load the engine that the study is about."""
+        return load_engine(self.engine)
+
+
+def read_config(path: Path) -> StudyConfig:
+    """Read a study file.
+
+    Example of one:
+
+        schema = "revline.study-file/1"
+        [study]
+        engine = "my_engine.toml"       # built-in name, or a path relative to the study file
+        throttle_deg = 20.0
+        amplitude_deg = 3.0
+        frequencies_rad_s = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0]
+
+    Raises:
+        InvalidInputError: the file cannot be read, has an unknown key, a wrong type or a value out of range.
+    """
+    text = read_text(path, "study file")
+    file = parse_toml(text, place=str(path), schema=SCHEMA, remedy="see the documentation of study files")
+    lists = ("frequencies_rad_s", "spectrum_frequencies_rad_s", "steps_deg")
+    file.refuse_unknown("", ["schema", SECTION])
+    file.refuse_unknown(SECTION, ["engine", *(name for name, _ in NUMBERS), *lists])
+    given = file.table(SECTION)
+    found: dict[str, object] = {name: file.number(SECTION, name, unit) for name, unit in NUMBERS if name in given}
+    for name in lists:
+        if name in given:
+            found[name.removesuffix("_rad_s")] = _numbers(file, name)
+    if "engine" in given:
+        engine = file.line_of_text(SECTION, "engine")
+        beside = path.parent / engine
+        found["engine"] = str(beside) if beside.is_file() else engine
+    return StudyConfig(**found)  # type: ignore[arg-type]  # each entry was read by its own type above
+
+
+def _numbers(file: TomlFile, name: str) -> tuple[float, ...]:
+    value = file.value(SECTION, name, "a list of numbers")
+    if not isinstance(value, list) or not all(isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v) for v in value):
+        raise file.error(SECTION, name, f"{value!r} is no list of finite numbers; write for example [0.1, 1.0, 10.0]")
+    return tuple(float(v) for v in value)
+
+
+def reference_text(name: str) -> str:
+    """Text of one of the thesis's tables that the package carries."""
+    return (resources.files("revline.studies") / "reference" / name).read_text(encoding="utf-8")
+
+
+def read_table_4_1() -> tuple[dict[str, float], ...]:
+    """Rows of Table 4.1 of Lee (1995): frequency, amplitude of the speed, lag in degrees."""
+    return tuple({key: float(value) for key, value in row.items()} for row in csv.DictReader(reference_text("table_4_1.csv").splitlines()))

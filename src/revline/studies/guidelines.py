@@ -1,0 +1,90 @@
+"""Guidelines for the speed controller, as text made from the study's numbers. Source of the questions: Lee (1995), chapter 6."""
+
+from collections.abc import Iterator
+
+from revline.analysis.linearize import linearize
+from revline.design.closed_loop import LoopRun, describe_outcome
+from revline.design.gain_limit import GainLimit, NoGainLimit, find_gain_limit
+from revline.lti.state_space import position
+from revline.studies.results import title
+from revline.studies.study_results import StudyResults
+from revline.system import DelaySystem
+
+SEARCH_TO = 1e4
+"""Highest frequency at which a gain limit is looked for, in rad/s."""
+
+
+def find_limits(engine: DelaySystem, results: StudyResults) -> tuple[tuple[str, GainLimit | NoGainLimit, GainLimit | NoGainLimit], ...]:
+    """Find gain limits of the linear models and of the engine's exact linear model: proportional control, and with C1's ratio ki/kp."""
+    c1 = results.controllers.gains["c1"]
+    exact = linearize(engine, results.point.trim).model
+    plants = [(name, results.models.fit(name).fit.model) for name in ("g1", "g2", "g2d")]
+    rows = []
+    for name, model in plants:
+        limits = [find_gain_limit(model, integral_ratio=ratio, high=SEARCH_TO) for ratio in (0.0, c1.ki / c1.kp)]
+        rows.append((name, limits[0], limits[1]))
+    row, column = position(exact.outputs, "engine_speed"), position(exact.inputs, "throttle")
+    limits = [
+        find_gain_limit(lambda s: exact.transfer(s)[..., row, column], integral_ratio=ratio, high=200.0) for ratio in (0.0, c1.ki / c1.kp)
+    ]
+    return (*rows, ("engine, exact", limits[0], limits[1]))
+
+
+def write_guidelines(engine: DelaySystem, results: StudyResults) -> tuple[str, ...]:
+    """Write the guidelines; each sentence holds the numbers that it rests on."""
+    return tuple(_sentences(engine, results))
+
+
+def _sentences(engine: DelaySystem, results: StudyResults) -> Iterator[str]:
+    limits = {name: (alone, with_integral) for name, alone, with_integral in find_limits(engine, results)}
+    ratio = results.controllers.gains["c1"].ki / results.controllers.gains["c1"].kp
+    without = [title(name) for name, (alone, _) in limits.items() if isinstance(alone, NoGainLimit)]
+    if without:
+        yield (
+            f"{' and '.join(without)} set no upper limit to the gain: their phase does not reach -180 deg up to {SEARCH_TO:g} rad/s. "
+            "A controller designed on them can be made as fast as one likes, on paper."
+        )
+    for name, (alone, integral) in limits.items():
+        if isinstance(alone, GainLimit):
+            text = f"{_title(name)} loses stability under proportional control at kp = {alone.kp:.3f} deg/(rad/s)"
+            text += f", oscillating at {alone.frequency:.1f} rad/s"
+            if isinstance(integral, GainLimit):
+                text += f", and with C1's ratio ki/kp = {ratio:.2f} 1/s at kp = {integral.kp:.3f} deg/(rad/s)"
+            yield text + "."
+    loops, tau = results.loops, results.models.fit("g2d").fit.model.delay
+    for controller, model in (("c1", "g1"), ("c2", "g2")):
+        on_model, on_engine = loops.row(controller, model).run, loops.row(controller, "engine").run
+        told = on_model.is_stable == on_engine.is_stable
+        yield (
+            f"{title(controller)}, designed on {title(model)}, {describe_outcome(on_model)} there; "
+            f"on the engine it {describe_outcome(on_engine)}. The model without delay {'told' if told else 'did not tell'}."
+        )
+    yield _of_c2d(loops.row("c2d", "g2d").run, loops.row("c2d", "engine").run, tau)
+    yield (
+        f"Too little proportional gain oscillates slowly: with a tenth of it (ki and kd unchanged) the engine "
+        f"{describe_outcome(loops.row('c2d_reduced', 'engine').run)}; G2 foresees that "
+        f"({describe_outcome(loops.row('c2d_reduced', 'g2').run)}). Lower the integral gain with the proportional one."
+    )
+    yield (
+        f"Use the model with its delay of {1e3 * tau:.1f} ms above {results.errors.equal_frequency:.0f} rad/s; "
+        "below, the model without delay errs less in time. Near the speed at which the loop oscillates only the delay tells."
+        if results.errors.equal_frequency > 0.0
+        else f"Use the model with its delay of {1e3 * tau:.1f} ms."
+    )
+    line = results.range.line
+    yield (
+        f"These hold about the operating point: over {line.low:g} to {line.high:g} deg the steady speed is a straight line within "
+        f"{line.max_error:.2f} rad/s; the delay goes with 1/speed, so that gain limits fall at lower speed."
+    )
+
+
+def _of_c2d(model: LoopRun, engine: LoopRun, delay: float) -> str:
+    gap = 100.0 * abs(engine.overshoot - model.overshoot)
+    return (
+        f"C2d, designed on G2d with its delay of {1e3 * delay:.1f} ms, {describe_outcome(model)} there; on the engine, without retuning, "
+        f"it {describe_outcome(engine)}: the overshoot differs by {gap:.1f} percentage points."
+    )
+
+
+def _title(name: str) -> str:
+    return title(name) if name.startswith("g") else "The engine's exact linear model"

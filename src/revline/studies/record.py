@@ -1,0 +1,233 @@
+"""A study's results as the fields of results.json, which programs rely on."""
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from revline import __version__
+from revline.analysis.cycle_readings import ReadingMethod
+from revline.analysis.spectrum import SpectralCheck
+from revline.design.closed_loop import LoopRun
+from revline.design.controller import PidGains
+from revline.design.outcome import Diverged, LimitCycle, Settled
+from revline.errors import NotSettledError
+from revline.lti.response import FrequencyResponse
+from revline.studies.checks import Check
+from revline.studies.config import StudyConfig
+from revline.studies.results import ErrorsResult, LoopRow, ModelsResult, PointResult, RangeResult
+from revline.studies.study_results import StudyResults
+
+SCHEMA = "revline.study/1"
+Record = dict[str, Any]
+
+
+def study_record(config: StudyConfig, results: StudyResults, checks: Iterable[Check], warnings: Iterable[str], seconds: float) -> Record:
+    """Collect all fields of results.json but the figures'."""
+    record: Record = {
+        "schema": SCHEMA,
+        "engine": config.engine,
+        "version": __version__,
+        "seconds": seconds,
+        "operating_point": point_record(results.point),
+        "steady_map": map_record(results.range),
+        "operating_range": range_record(results.range),
+        "step_responses": [{"step_deg": size, "file": f"tables/step_{size:g}_deg.csv"} for size in results.steps.sizes],
+        "spectra": [spectrum_record(check) for check in results.spectra],
+        "linearity": {"verdict": results.linearity.text},
+        "frequency_response": response_records(config, results),
+        "models": models_record(results.models),
+        "controllers": {name: gains_record(gains) for name, gains in results.controllers.gains.items()},
+        "fine_tuning": {name: tuning.text for name, tuning in results.controllers.tunings.items()},
+        "closed_loops": [loop_record(row) for row in results.loops.rows],
+        "model_errors": error_records(results.errors),
+        "guidelines": list(results.guidelines),
+        "checks": [check.record() for check in checks],
+        "warnings": list(warnings),
+    }
+    if results.table_models:
+        record["models_from_table"] = models_record(results.table_models[0])
+    return record
+
+
+def point_record(point: PointResult) -> Record:
+    """Fields of the operating point."""
+    trim = point.trim
+    return {
+        "throttle_deg": trim.input("throttle"),
+        "load_n_m": trim.input("load_torque"),
+        "speed_rad_s": trim.output("engine_speed"),
+        "pressure_kpa": trim.state("manifold_pressure"),
+        "gain_rad_s_per_deg": point.gain,
+        "residual": trim.residual,
+        "stable": trim.stable,
+        "intake_lag_s": trim.lag("charge"),
+        "spark_lag_s": trim.lag("spark_influence"),
+    }
+
+
+def map_record(result: RangeResult) -> list[Record]:
+    """Rows of the steady map."""
+    rows = zip(result.steady_map.values, result.steady_map.trims, strict=True)
+    return [
+        {
+            "throttle_deg": float(angle),
+            "speed_rad_s": trim.output("engine_speed"),
+            "pressure_kpa": trim.state("manifold_pressure"),
+            "stable": trim.stable,
+        }
+        for angle, trim in rows
+    ]
+
+
+def range_record(result: RangeResult) -> Record:
+    """The line over the range studied, and the range that a tolerance would choose."""
+    line, widest = result.line, result.widest
+    return {
+        "low_deg": line.low,
+        "high_deg": line.high,
+        "slope_rad_s_per_deg": line.slope,
+        "intercept_rad_s": line.intercept,
+        "max_error_rad_s": line.max_error,
+        "max_error_at_deg": line.max_error_at,
+        "lowest_throttle_deg": result.steady_map.lowest,
+        "widest": {
+            "tolerance_of_span": widest.tolerance,
+            "low_deg": widest.line.low,
+            "high_deg": widest.line.high,
+            "max_error_rad_s": widest.line.max_error,
+        },
+    }
+
+
+def spectrum_record(check: SpectralCheck) -> Record:
+    """Fields of one spectral check."""
+    return {
+        "frequency_rad_s": check.omega,
+        "peak_rad_s": check.spectrum.peak_omega,
+        "peak_amplitude_rad_s": check.spectrum.peak_amplitude,
+        "zero_line_rad_s": check.spectrum.zero_line,
+        "resolution_rad_s": check.spectrum.resolution,
+        "bin_width_rad_s": check.spectrum.bin_width,
+        "periods": check.cycles,
+        "samples_per_period": check.samples_per_cycle,
+        "window": "none",
+        "distortion": check.distortion,
+        "follows": check.follows,
+    }
+
+
+def response_records(config: StudyConfig, results: StudyResults) -> list[Record]:
+    """Rows of the frequency response, by every method."""
+    stream, exact = results.response, results.point.exact
+    rows: list[Record] = []
+    for method in (ReadingMethod.PEAKS, ReadingMethod.FOURIER):
+        response = stream.response(method)
+        extra = stream.distortion if method is ReadingMethod.FOURIER else None
+        rows += _response_rows(method.value, response, config.amplitude_deg, extra)
+    return rows + _response_rows("exact", exact, config.amplitude_deg, None)
+
+
+def _response_rows(method: str, response: FrequencyResponse, amplitude: float, distortion: Any) -> list[Record]:
+    rows = [
+        {"method": method, "frequency_rad_s": float(w), "amplitude_rad_s": float(m) * amplitude, "phase_deg": float(p)}
+        for w, m, p in zip(response.omega, response.magnitude, response.phase_deg, strict=True)
+    ]
+    if distortion is not None:
+        for row, value in zip(rows, distortion, strict=True):
+            row["distortion"] = float(value)
+    return rows
+
+
+def models_record(models: ModelsResult) -> Record:
+    """All models of one response."""
+    return {
+        named.name: {
+            "numerator": [float(c) for c in named.fit.model.numerator],
+            "denominator": [float(c) for c in named.fit.model.denominator],
+            "delay_s": named.fit.model.delay,
+            "poles": pairs(named.fit.model.poles),
+            "zeros": pairs(named.fit.model.zeros),
+            "max_magnitude_error_db": named.fit.max_magnitude_error_db,
+            "max_phase_error_deg": named.fit.max_phase_error_deg,
+            "verdict": verdict.text,
+            "accepted": verdict.accepted,
+        }
+        for named, verdict in zip(models.fits, models.verdicts, strict=True)
+    }
+
+
+def pairs(values: Any) -> list[list[float]]:
+    """Complex numbers as pairs of real and imaginary part."""
+    return [[float(v.real), float(v.imag)] for v in np.asarray(values, dtype=complex)]
+
+
+def gains_record(gains: PidGains) -> Record:
+    """Fields of a controller."""
+    return {
+        "kp": gains.kp,
+        "ki": gains.ki,
+        "kd": gains.kd,
+        "rule": gains.rule,
+        "designed_on": gains.designed_on,
+        "units": dict(gains.gain_units),
+    }
+
+
+def loop_record(row: LoopRow) -> Record:
+    """Fields of a closed loop; what does not exist is absent."""
+    run = row.run
+    record: Record = {
+        "controller": row.controller,
+        "plant": row.plant,
+        "stable": run.is_stable,
+        "outcome": run.outcome.name,
+        "command_rad_s": run.command,
+        "simulated_s": float(run.times[-1]),
+        "form": run.form,
+        **outcome_fields(run),
+    }
+    if row.bandwidth > 0.0:
+        record["bandwidth_rad_s"] = row.bandwidth
+    if row.plant == "engine":
+        record["saturated_share"] = run.saturated_share
+        record["throttle_limits_deg"] = list(run.limits)
+    return record
+
+
+def outcome_fields(run: LoopRun) -> Record:
+    """What the outcome of a loop says in numbers."""
+    outcome = run.outcome
+    if isinstance(outcome, LimitCycle):
+        return {
+            "overshoot": run.overshoot,
+            "limit_cycle": {"low_rad_s": outcome.low, "high_rad_s": outcome.high, "period_s": outcome.period, "swings": outcome.swings},
+        }
+    if isinstance(outcome, Diverged):
+        return {"diverged_at_s": outcome.time}
+    if not isinstance(outcome, Settled):
+        return {"stalled_at_s": outcome.time}
+    fields: Record = {"overshoot": run.overshoot, "steady_error_rad_s": outcome.steady_error}
+    try:
+        fields["settling_time_s"] = run.measures().settling_time
+    except NotSettledError:
+        return fields
+    return fields
+
+
+def error_records(errors: ErrorsResult) -> list[Record]:
+    """Time-domain errors of the linear models."""
+    rows: list[Record] = []
+    for record in errors.records:
+        for model in record.models:
+            row: Record = {"input": record.kind, "model": model}
+            if record.kind == "sine":
+                row["frequency_rad_s"] = record.frequency
+            row |= {
+                "max_abs_error_rad_s": record.largest(model),
+                "rms_error_rad_s": record.rms(model),
+                "alternating_error_rad_s": record.swing(model),
+                "judged_from_s": record.judged_from,
+            }
+            rows.append(row)
+    return rows

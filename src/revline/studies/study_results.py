@@ -1,0 +1,36 @@
+"""All results of a study together."""
+
+from dataclasses import dataclass
+
+from revline.analysis.linearity import LinearityVerdict
+from revline.analysis.sinestream import Sinestream
+from revline.analysis.spectrum import SpectralCheck
+from revline.studies.results import (
+    ControllersResult,
+    ErrorsResult,
+    LoopsResult,
+    ModelsResult,
+    PointResult,
+    RangeResult,
+    SineRecord,
+    StepsResult,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StudyResults:
+    """Results of all steps; `table_models` has the models of Lee's Table 4.1 where the study is about it, else nothing."""
+
+    point: PointResult
+    range: RangeResult
+    steps: StepsResult
+    spectra: tuple[SpectralCheck, ...]
+    linearity: LinearityVerdict
+    sine: SineRecord
+    response: Sinestream
+    models: ModelsResult
+    table_models: tuple[ModelsResult, ...]
+    controllers: ControllersResult
+    loops: LoopsResult
+    errors: ErrorsResult
+    guidelines: tuple[str, ...] = ()
