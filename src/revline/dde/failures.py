@@ -37,7 +37,8 @@ def _explain_lags(system: DelaySystem, s: Record, place: str, end: float, detail
             return LagError(f"{place}: the lag of {name} becomes {lag:g} s; lags must be positive: check their equation", **details)
     for name, lag in following:
         if lag < step:
-            return LagError(f"step = {step:g} s is longer than the lag of {name}, {lag:g} s: {place}; give a smaller step", **details)
+            what = f"step = {step:g} s is longer than a lag during the run, {lag:g} s of {name}"
+            return LagError(f"{what}: {place}; give a smaller step", **details)
     grown = max(following, key=lambda entry: entry[1])
     return LagError(
         f"stalled: {place}: the delayed time runs backwards, the lag of {grown[0]} grows to {grown[1]:g} s faster than time passes; "

@@ -6,10 +6,10 @@ Who calls a kernel keeps the arrays alive. These are numba's intrinsics: they tu
 """
 
 import itertools
+import math
 from collections.abc import Iterator
 from typing import Any
 
-import numpy as np
 from llvmlite import ir
 from numba import typeof, types
 from numba.core import cgutils
@@ -136,7 +136,7 @@ def as_floats(parameters: Any, path: str) -> Any:
     """Give parameters with every number as a float, in tuples of their own types.
 
     Raises:
-        InvalidInputError: one is no finite number; the message names it.
+        InvalidInputError: one is no number; the message names it.
     """
     if isinstance(parameters, tuple):
         names = getattr(parameters, "_fields", range(len(parameters)))
@@ -147,8 +147,8 @@ def as_floats(parameters: Any, path: str) -> Any:
     except (TypeError, ValueError) as error:
         message = f"parameter {path} = {parameters!r} is no number; parameters are floats, or named tuples of floats"
         raise InvalidInputError(message, quantity=path) from error
-    if not np.isfinite(value):
-        message = f"parameter {path} = {value} is no finite number; give one"
+    if math.isnan(value):
+        message = f"parameter {path} = {value} is no number; give one"
         raise InvalidInputError(message, quantity=path)
     return value
 
