@@ -76,29 +76,33 @@ def _relations(p: EngineParameters) -> dict[str, FigureCall]:
     return {
         "3.2": _call(
             plot_curves,
-            [Curve(x=ratio, y=air.pressure_influence(p.throttle, ratio * p.throttle.ambient_pressure), look=PLANT)],  # type: ignore[arg-type]
+            [_relation(ratio, lambda v: air.pressure_influence(p.throttle, v * p.throttle.ambient_pressure))],
             none("manifold over ambient pressure", "1"),
             none("pressure-ratio influence PRI", "1"),
         ),
         "3.3": _call(
             plot_curves,
-            [Curve(x=angle, y=air.throttle_characteristic(p.throttle, angle), look=PLANT)],  # type: ignore[arg-type]
+            [_relation(angle, lambda v: air.throttle_characteristic(p.throttle, v))],
             THROTTLE,
             none("throttle characteristic TC", "1"),
         ),
         "3.4": _call(
             plot_curves,
-            [Curve(x=mixture, y=torque.mixture_influence(p.mixture, mixture), look=PLANT)],  # type: ignore[arg-type]
+            [_relation(mixture, lambda v: torque.mixture_influence(p.mixture, v))],
             none("air/fuel ratio", "1"),
             none("air/fuel influence AFI", "1"),
         ),
         "3.5": _call(
             plot_curves,
-            [Curve(x=advance, y=torque.spark_influence(p.spark, advance), look=PLANT)],  # type: ignore[arg-type]
+            [_relation(advance, lambda v: torque.spark_influence(p.spark, v))],
             none("spark advance relative to MBT", "deg"),
             none("spark influence SI", "1"),
         ),
     }
+
+
+def _relation(x: Floats, relation: Callable[[float], float]) -> Curve:
+    return Curve(x=x, y=np.array([relation(float(value)) for value in x]), look=PLANT)
 
 
 def _steps(results: StudyResults) -> dict[str, FigureCall]:
