@@ -224,3 +224,26 @@ def test_a_search_that_stops_early_is_an_error(monkeypatch: pytest.MonkeyPatch) 
     rough = noisy(G2D, size=1.0)
     with pytest.raises(NotConvergedError, match=r"0 zeros and 2 poles did not converge: the gradient is"):
         fit_transfer_function(rough, zeros=0, poles=2)
+
+
+@pytest.mark.parametrize("weight", Weight)
+@pytest.mark.parametrize("delay", [DelayRule.NONE, DelayRule.FREE])
+@pytest.mark.parametrize("poles", [1, 2, 3])
+def test_data_that_only_an_infinite_coefficient_would_meet_end_in_an_error(poles: int, delay: DelayRule, weight: Weight) -> None:
+    """An integrator has no constant of 1 in its denominator: the coefficients run away, overflow on the way, and nothing breaks."""
+    integrator = TransferFunction(numerator=(3.0,), denominator=(0.0, 1.0)).response(np.geomspace(1e-3, 1e3, 20))
+    with pytest.raises(AnalysisError, match=r"cannot tell the .* parameters|did not converge"):
+        fit_transfer_function(integrator, zeros=0, poles=poles, delay=delay, weight=weight)
+
+
+def test_a_model_that_is_best_at_zero_is_refused() -> None:
+    quadrature = FrequencyResponse(omega=OMEGA, values=np.full(OMEGA.size, -2.0j))
+    with pytest.raises(AnalysisError, match="no model of 0 zeros and 0 poles is better than zero; fit more poles"):
+        fit_transfer_function(quadrature, zeros=0, poles=0)
+
+
+def test_extreme_weights_do_not_overflow() -> None:
+    data = FrequencyResponse(omega=OMEGA, values=np.asarray(G2D(1j * OMEGA) * 1e-200, dtype=complex))
+    fit = fit_transfer_function(data, zeros=0, poles=2, delay=DelayRule.FREE, weight=Weight.RELATIVE)
+    assert fit.model.denominator == pytest.approx(G2D.denominator, rel=1e-6)
+    assert fit.model.numerator[0] == pytest.approx(12e-200, rel=1e-6)

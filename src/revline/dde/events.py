@@ -1,4 +1,4 @@
-"""Breakpoints met by the mesh: their orders, which of them come next, and how they travel. Compiled into the kernels.
+"""Breakpoints met by the mesh: where the next ones are, their orders, and how they travel. Compiled into the kernels.
 
 An input that jumps (order 0) bends the states (order 1); what enters a channel inherits the lowest order of all that its
 equation reads, and is met again when that channel's reading gets there. `s` is a run's state.
@@ -8,9 +8,11 @@ Source: Bellen and Zennaro (2003), Numerical Methods for Delay Differential Equa
 
 from typing import Any
 
-from revline.dde.history import SMOOTH, move_to_segment, pending_boundary
-from revline.dde.run import SEGMENT_ORDERS, SEGMENT_TIME, Record
-from revline.dde.tables import breaks_of, record_of, segments_of, terms_of
+import numpy as np
+
+from revline.dde.history import CUBIC, FAR, move_to_segment
+from revline.dde.memory import breaks_of, record_of, segments_of, terms_of
+from revline.dde.run import AT_BREAK, INSIDE, SEGMENT_ORDERS, SEGMENT_START, Record
 from revline.signals import NEVER, evaluate_term
 
 TOLERANCE = 1e-9
@@ -19,119 +21,146 @@ TOLERANCE = 1e-9
 LANDED = 1e-6
 """A reading this close, in parts of the step, to a breakpoint has reached it once the mesh has landed on a break."""
 
+EXACT = 1e-13
+"""A breakpoint is located to this part of the step."""
+
 
 def set_inputs(s: Record, time: float, reference: float) -> None:
     """Evaluate all inputs at a time, each by the piece in which the reference time lies."""
-    terms = terms_of(s)
-    record = record_of(s)
+    terms, record = terms_of(s), record_of(s)
     for k in range(s.u.shape[0]):
         s.u[k] = s.base[k]
     for k in range(terms.shape[0]):
-        s.u[int(terms[k, 0])] += evaluate_term(terms[k, 1:], record, time, reference)
+        s.u[np.int64(terms[k, 0])] += evaluate_term(terms[k, 1:], record, time, reference)
 
 
 def next_break(s: Record) -> float:
     """Time of the next input break, or infinity."""
-    breaks = breaks_of(s)
-    return breaks[s.next_break, 0] if s.next_break < breaks.shape[0] else float("inf")
+    return breaks_of(s)[s.next_break, 0] if s.next_break < s.breaks_rows else FAR
 
 
-def grid_end(s: Record) -> float:
-    """End of the present grid interval."""
-    return s.origin + (s.grid_index + 1) * s.step
+def choose_step(s: Record) -> None:
+    """Choose the step's end: the grid's next point or a breakpoint before it, or a part of the way to it.
 
-
-def next_stop(s: Record) -> float:
-    """Where the next step must end at the latest: the grid's next point or an input break before it."""
-    stop = grid_end(s)
+    The way is cut into equal parts so that each segment gets the nodes of a cubic.
+    """
+    stop, s.place = s.grid_time, INSIDE
     following = next_break(s)
-    return following if following < stop - TOLERANCE * s.step else stop
+    following = s.landing if s.landing < following else following
+    if following <= stop + TOLERANCE * s.step:
+        s.place = AT_BREAK
+        if following < stop - TOLERANCE * s.step:
+            stop = following
+    lacking = CUBIC - s.node_count + np.int64(segments_of(s)[s.newest_segment, SEGMENT_START])
+    s.end = stop
+    if lacking > 1 and stop - s.time > TOLERANCE * s.step:
+        s.end = s.time + (stop - s.time) / lacking
+        s.place = INSIDE
 
 
-def is_input_break(s: Record, time: float) -> bool:
-    """Whether an input break lies at a time."""
-    return next_break(s) <= time + TOLERANCE * s.step
+def seek_breakpoint(s: Record, channels: int) -> bool:
+    """Say whether the step must be tried anew, to another end, because a reading meets a breakpoint before or at its end.
 
-
-def crossing_ahead(s: Record, count: int) -> bool:
-    """Whether a channel's reading at the end of the tried step reaches a breakpoint that the mesh must meet."""
-    segments = segments_of(s)
-    for channel in range(count):
-        boundary = pending_boundary(s, channel)
-        if boundary > 0 and s.read_time_new[channel] >= segments[boundary, SEGMENT_TIME] - TOLERANCE * s.step:
+    Called after each trial of a step until it says no. It closes in on the first time at which a reading reaches its boundary;
+    then that time is the `landing`, at which the next steps end.
+    """
+    if s.search_channel >= 0:
+        narrow_search(s)
+        return True
+    if s.landing < FAR:
+        return False
+    reached = False
+    for channel in range(channels):
+        excess = s.read_time_next[channel] - s.boundary_time[channel]
+        reached = reached or excess >= -TOLERANCE * s.step
+        if excess > TOLERANCE * s.step:
+            s.search_channel, s.search_count = channel, 0
+            s.low_time, s.low_excess = s.time, s.read_time[channel] - s.boundary_time[channel]
+            s.high_time, s.high_excess = s.end, excess
+            choose_end(s)
             return True
-    return False
+    if reached:
+        s.landing = s.end
+        choose_step(s)
+    return reached
 
 
-def excess(s: Record, channel: int, read_time: float) -> float:
-    """How far a channel's reading lies beyond its next breakpoint; minus infinity where there is none."""
-    segments = segments_of(s)
-    boundary = pending_boundary(s, channel)
-    return read_time - segments[boundary, SEGMENT_TIME] if boundary > 0 else -float("inf")
+def narrow_search(s: Record) -> None:
+    """Take in where the reading is at the end tried, and choose the next end: one nearer to the breakpoint, or the breakpoint itself."""
+    excess = s.read_time_next[s.search_channel] - s.boundary_time[s.search_channel]
+    if excess < 0.0:
+        s.low_time, s.low_excess = s.end, excess
+    else:
+        s.high_time, s.high_excess = s.end, excess
+    choose_end(s)
 
 
-def next_estimate(low: float, low_excess: float, high: float, high_excess: float) -> float:
-    """Secant estimate of a root between two bounds, kept inside them."""
-    estimate = high - high_excess * (high - low) / (high_excess - low_excess)
-    return estimate if low < estimate < high else 0.5 * (low + high)
+def choose_end(s: Record) -> None:
+    """Choose the next end to try between the bounds of a search: by the secant, every third time by halving, at last the upper bound."""
+    s.search_count += 1
+    if s.low_excess >= 0.0:
+        s.landing, s.search_channel = s.time, -1
+        choose_step(s)
+    elif s.high_excess == 0.0 or s.high_time - s.low_time <= EXACT * s.step or s.search_count > 100:
+        s.end, s.search_channel = s.high_time, -1
+    else:
+        s.end = s.high_time - s.high_excess * (s.high_time - s.low_time) / (s.high_excess - s.low_excess)
+        if s.search_count % 3 == 0 or not s.low_time < s.end < s.high_time:
+            s.end = 0.5 * (s.low_time + s.high_time)
 
 
-def take_input_orders(s: Record) -> None:
-    """Pass all input breaks at the present time; the state gets the lowest order per input."""
-    breaks = breaks_of(s)
+def take_orders(s: Record, channels: int) -> None:
+    """Pass all breakpoints at the present time; the state gets the lowest order per input and per channel's reading."""
+    breaks, segments = breaks_of(s), segments_of(s)
+    s.landing = FAR
     for k in range(s.input_orders.shape[0]):
         s.input_orders[k] = NEVER
-    while is_input_break(s, s.time):
+    while s.next_break < s.breaks_rows and breaks[s.next_break, 0] <= s.time + TOLERANCE * s.step:
         for k in range(breaks.shape[1] - 1):
-            s.input_orders[k] = min(s.input_orders[k], int(breaks[s.next_break, 1 + k]))
+            s.input_orders[k] = lower(s.input_orders[k], np.int64(breaks[s.next_break, 1 + k]))
         s.next_break += 1
-
-
-def take_reading_orders(s: Record, count: int) -> None:
-    """Pass all breakpoints that the channels' readings have reached; the state gets the lowest order per channel."""
-    segments = segments_of(s)
     for channel in range(s.reading_orders.shape[0]):
         s.reading_orders[channel] = NEVER
-    for channel in range(count):
-        boundary = pending_boundary(s, channel)
-        while boundary > 0 and s.read_time[channel] >= segments[boundary, SEGMENT_TIME] - LANDED * s.step:
-            s.reading_orders[channel] = min(s.reading_orders[channel], int(segments[boundary, SEGMENT_ORDERS + channel]))
-            move_to_segment(s, channel, boundary)
-            boundary = pending_boundary(s, channel)
+    for channel in range(channels):
+        while s.read_time[channel] >= s.boundary_time[channel] - LANDED * s.step:
+            order = np.int64(segments[s.boundary[channel], SEGMENT_ORDERS + channel])
+            s.reading_orders[channel] = lower(s.reading_orders[channel], order)
+            move_to_segment(s, channel, s.boundary[channel])
 
 
-def lowest(orders: Any, reads: Any) -> int:
-    """Lowest order among those that are read."""
+def lower(first: Any, second: Any) -> Any:
+    """The lower of two orders."""
+    return first if first < second else second
+
+
+def lowest(s: Record, input_reads: Any, channel_reads: Any) -> Any:
+    """Lowest order among the inputs and the readings that an equation reads."""
     found = NEVER
-    for k in range(orders.shape[0]):
-        if reads[k] > 0:
-            found = min(found, orders[k])
+    for k in range(s.input_orders.shape[0]):
+        if input_reads[k] > 0:
+            found = lower(found, s.input_orders[k])
+    for k in range(s.reading_orders.shape[0]):
+        if channel_reads[k] > 0:
+            found = lower(found, s.reading_orders[k])
     return found
 
 
-def state_order(s: Record) -> int:
-    """Order of the states' break: one above the lowest of what their rates read."""
-    return 1 + min(lowest(s.input_orders, s.rate_reads_input), lowest(s.reading_orders, s.rate_reads_channel))
+def spread_orders(s: Record, channels: int, smooth: int) -> bool:
+    """Find the order of the break in what enters each channel, and whether one is below a given order: it needs a segment of its own.
 
-
-def spread_orders(s: Record, count: int) -> None:
-    """Find the order of the break in what enters each channel, from those of the inputs and of the readings."""
+    The states' break is one order above the lowest of what their rates read; it acts on the lags, and these on the readings.
+    """
     for _ in range(2):
-        bend = state_order(s)
-        for channel in range(count):
-            order = min(lowest(s.input_orders, s.lag_reads_input[channel]), lowest(s.reading_orders, s.lag_reads_channel[channel]))
+        bend = 1 + lowest(s, s.rate_reads_input, s.rate_reads_channel)
+        for channel in range(channels):
+            order = lowest(s, s.lag_reads_input[channel], s.lag_reads_channel[channel])
             if s.lag_reads_state[channel] > 0:
-                order = min(order, bend)
-            s.reading_orders[channel] = min(s.reading_orders[channel], order)
-    bend = state_order(s)
-    for channel in range(count):
-        order = min(lowest(s.input_orders, s.emit_reads_input[channel]), lowest(s.reading_orders, s.emit_reads_channel[channel]))
-        s.emitted_orders[channel] = min(order, bend) if s.emit_reads_state[channel] > 0 else order
-
-
-def must_be_met(s: Record, count: int) -> bool:
-    """Whether the present break is rough enough for a segment of its own."""
-    for channel in range(count):
-        if s.emitted_orders[channel] < SMOOTH:
-            return True
-    return False
+                order = lower(order, bend)
+            s.reading_orders[channel] = lower(s.reading_orders[channel], order)
+    bend = 1 + lowest(s, s.rate_reads_input, s.rate_reads_channel)
+    rough = False
+    for channel in range(channels):
+        order = lowest(s, s.emit_reads_input[channel], s.emit_reads_channel[channel])
+        s.emitted_orders[channel] = lower(order, bend) if s.emit_reads_state[channel] > 0 else order
+        rough = rough or s.emitted_orders[channel] < smooth
+    return rough

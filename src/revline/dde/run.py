@@ -15,26 +15,23 @@ Floats = NDArray[np.float64]
 Record = Any
 """A scalar of the structured type that `state_type` gives; attributes in compiled code, fields in numpy."""
 
-
-TABLES = ("nodes", "segments", "terms", "record", "breaks", "samples")
-"""What a run reads and writes beside its state, see `revline.dde.tables`."""
+TABLES = ("parameters", "nodes", "segments", "terms", "record", "breaks", "samples")
+"""What a run reads and writes beside its state, see `revline.dde.memory`."""
 
 NODE_TIME, NODE_UNIFORM, NODE_VALUES = 0, 1, 2
 SEGMENT_START, SEGMENT_TIME, SEGMENT_ORDERS = 0, 1, 2
 
 DONE = 0
 NEEDS_ROOM = 1
-OUT_OF_RANGE = 2
-NOT_FINITE = 3
-BAD_LAG = 4
-SHORT_LAG = 5
-BACKWARD = 6
+REFUSED = 2
+"""The tried step's states or lags mean nothing; the present is where the run still was sound."""
+
+INSIDE = 0
+AT_BREAK = 1
+"""Where a step ends: within a smooth piece, or at a breakpoint."""
 
 ROOM_NODES = 64
 ROOM_SEGMENTS = 8
-
-MOST_STAGES = 8
-
 
 SMALLEST_WIDTH = 8
 """Width of the state's vectors: systems of like size share one layout, and with it the compiled parts that know no equations."""
@@ -49,27 +46,34 @@ def width_for(count: int) -> int:
 
 
 def state_type(system: DelaySystem) -> np.dtype[np.void]:
-    """Layout of a run's state; the vectors are as wide as `width_for` says and zero beyond the system's signals."""
+    """Layout of a run's state; the vectors are as wide as `width_for` says and zero beyond the system's signals.
+
+    What ends in `_next` belongs to the step being tried, which ends at `end`; `landing` is a breakpoint found that the mesh must meet.
+    `grid_index` and `grid_time` are of the grid's next point, `grid_target` of that at which to stop. Per channel, `segment` and `node`
+    are where it reads, `cell_*` is the span of the last cubic, `boundary` is the next segment start that the mesh must meet,
+    `boundary_time` and `passing_time` are the times of that one and of a smooth one before it.
+    """
     n, m, c = (width_for(len(signals)) for signals in (system.states, system.inputs, system.channels))
     floats, integers = "f8", "i8"
     return np.dtype(
         [
-            *((name, floats) for name in ("time", "origin", "step")),
-            *((name, integers) for name in ("grid_index", "grid_target", "store_every", "next_break", "stored", "inputs_known")),
-            *((name, integers) for name in ("node_count", "newest_segment")),
+            *((name, floats) for name in ("time", "end", "landing", "grid_time", "origin", "step")),
+            *((name, floats) for name in ("low_time", "low_excess", "high_time", "high_excess")),
+            *((name, integers) for name in ("grid_index", "grid_target", "store_every", "next_break", "stored", "inputs_known", "place")),
+            *((name, integers) for name in ("node_count", "newest_segment", "search_channel", "search_count")),
             *((f"{name}_{what}", integers) for name in TABLES for what in ("at", "rows", "columns")),
-            *((name, floats, (n,)) for name in ("x", "x_stage", "x_new", "low", "high")),
-            ("rates", floats, (MOST_STAGES, n)),
+            *((name, floats, (n,)) for name in ("x", "x_next", "rates", "total", "low", "high")),
             *((name, floats, (m,)) for name in ("base", "u")),
-            *((name, floats, (c,)) for name in ("initial", "z", "zd", "zd_stage", "zd_new")),
-            *((name, floats, (c,)) for name in ("read_time", "read_time_stage", "read_time_new", "cell_start", "cell_end")),
-            *((name, integers, (c,)) for name in ("segment", "node", "cell_stencil")),
+            *((name, floats, (c,)) for name in ("initial", "z", "zd", "zd_next", "lag", "read_time", "read_time_next")),
+            *((name, floats, (c,)) for name in ("cell_start", "cell_end", "boundary_time", "passing_time")),
+            *((name, integers, (c,)) for name in ("segment", "node", "cell_stencil", "boundary")),
             *((name, integers, (m,)) for name in ("input_orders", "rate_reads_input")),
             *((name, integers, (c,)) for name in ("reading_orders", "emitted_orders")),
             *((name, integers, (c,)) for name in ("rate_reads_channel", "emit_reads_state", "lag_reads_state")),
             *((name, integers, (c, m)) for name in ("emit_reads_input", "lag_reads_input")),
             *((name, integers, (c, c)) for name in ("emit_reads_channel", "lag_reads_channel")),
-        ]
+        ],
+        align=True,
     )  # fmt: skip
 
 

@@ -1,20 +1,8 @@
-"""Parts of the kernel that know no equations: checks, room, bookkeeping. Compiled into the kernels; `s` is a run's state."""
+"""Parts of the kernel that know no equations: what makes a tried step's end the present. `s` is a run's state."""
 
-import math
-
-from revline.dde.events import TOLERANCE
-from revline.dde.history import CUBIC, nodes_in_segment
-from revline.dde.run import (
-    BACKWARD,
-    BAD_LAG,
-    DONE,
-    NOT_FINITE,
-    OUT_OF_RANGE,
-    ROOM_NODES,
-    ROOM_SEGMENTS,
-    SHORT_LAG,
-    Record,
-)
+from revline.dde.events import LANDED, TOLERANCE, next_break, set_inputs, spread_orders, take_orders
+from revline.dde.history import move_to_segment, push_node, skip_smooth
+from revline.dde.run import ROOM_NODES, ROOM_SEGMENTS, Record
 
 MONOTONE = 1e-6
 """Steps shorter than this part of the grid's step are not asked whether the delayed time advanced: rounding would answer."""
@@ -25,45 +13,68 @@ def lacks_room(s: Record) -> bool:
     return s.nodes_rows - s.node_count < ROOM_NODES or s.segments_rows - s.newest_segment < ROOM_SEGMENTS
 
 
-def pieces_to(s: Record) -> int:
-    """Into how many steps the way to the next stop is cut, so that each segment has the nodes of a cubic."""
-    return max(1, CUBIC - nodes_in_segment(s))
+def adopt_step(s: Record, states: int, channels: int) -> bool:
+    """Make the tried step's end the present and say yes; or refuse it: a state out of its range, or a lag that means nothing.
+
+    Ranges are finite here, so that infinity and what is no number lie outside. Lags are positive, not below the step, and
+    grow slower than time.
+    """
+    sound = True
+    for k in range(states):
+        sound = sound and s.low[k] <= s.x_next[k] <= s.high[k]
+    for k in range(channels):
+        sound = sound and s.end - s.read_time_next[k] >= s.step * (1.0 - TOLERANCE)
+        sound = sound and (s.read_time_next[k] > s.read_time[k] or s.end - s.time <= MONOTONE * s.step)
+    if sound:
+        for k in range(states):
+            s.x[k] = s.x_next[k]
+        for k in range(channels):
+            s.zd[k] = s.zd_next[k]
+            s.read_time[k] = s.read_time_next[k]
+        s.time = s.end
+        s.inputs_known = 1
+    return sound
 
 
-def piece_end(time: float, stop: float, pieces: int) -> float:
-    """End of the first of some equal steps; exactly the stop for the last."""
-    return stop if pieces <= 1 else time + (stop - time) / pieces
+def keep_emitted(s: Record, channels: int) -> None:
+    """Write what now enters the channels into history, and let readings pass the segment starts that are smooth for them."""
+    if s.newest_segment > 0:
+        push_node(s)
+    for channel in range(channels):
+        if s.read_time[channel] >= s.passing_time[channel]:
+            move_to_segment(s, channel, skip_smooth(s, channel, s.segment[channel], s.read_time[channel]))
 
 
-def check_states(s: Record, count: int) -> int:
-    """Whether the tried step's states mean anything."""
-    for k in range(count):
-        if not math.isfinite(s.x_new[k]):
-            return NOT_FINITE
-        if s.x_new[k] < s.low[k] or s.x_new[k] > s.high[k]:
-            return OUT_OF_RANGE
-    return DONE
+def pass_breakpoints(s: Record, states: int, channels: int, smooth: int) -> bool:
+    """Take the inputs as they are after the breakpoints at the present, and say whether history needs a new segment.
 
-
-def check_lags(s: Record, end: float, count: int) -> int:
-    """Whether the tried step's lags are positive, not below the step, and let the delayed time advance."""
-    for k in range(count):
-        lag = end - s.read_time_new[k]
-        if not (math.isfinite(lag) and lag > 0.0):
-            return BAD_LAG
-        if lag < s.step * (1.0 - TOLERANCE):
-            return SHORT_LAG
-        if end - s.time > MONOTONE * s.step and s.read_time_new[k] <= s.read_time[k]:
-            return BACKWARD
-    return DONE
-
-
-def adopt_step(s: Record, end: float) -> None:
-    """Make the tried step's end the present."""
-    for k in range(s.x.shape[0]):
-        s.x[k] = s.x_new[k]
-    for k in range(s.zd.shape[0]):
-        s.zd[k] = s.zd_new[k]
-        s.read_time[k] = s.read_time_new[k]
-    s.time = end
+    It does at the start, and where a break of an order below `smooth` enters a channel.
+    """
+    take_orders(s, channels)
+    rough = spread_orders(s, channels, smooth) or s.newest_segment == 0
+    following = next_break(s)
+    set_inputs(s, s.time, 0.5 * (s.time + following) if following < s.time + s.step else s.time + 0.5 * s.step)
     s.inputs_known = 1
+    s.end = s.time
+    for k in range(states):
+        s.x_next[k] = s.x[k]
+    return rough
+
+
+def adopt_readings(s: Record, channels: int) -> bool:
+    """Make the readings after a breakpoint the present ones and say yes; or refuse lags that jump below the step, or back in history."""
+    sound = True
+    for k in range(channels):
+        sound = sound and s.time - s.read_time_next[k] >= s.step * (1.0 - TOLERANCE)
+        sound = sound and (s.newest_segment == 0 or s.read_time_next[k] >= s.read_time[k] - LANDED * s.step)
+    if sound:
+        for k in range(channels):
+            s.zd[k] = s.zd_next[k]
+            s.read_time[k] = s.read_time_next[k]
+    return sound
+
+
+def pass_grid_point(s: Record) -> None:
+    """Aim at the grid's next point."""
+    s.grid_index += 1
+    s.grid_time = s.origin + s.grid_index * s.step

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from revline import signals
+from revline.analysis.trim import Trim
 from revline.connection import connect
 from revline.dde.simulate import Start, simulate
 from revline.design.classify import Criteria, classify_outcome
@@ -21,7 +22,7 @@ from revline.design.linear_plant import linear_plant, step_limit
 from revline.design.outcome import Diverged, LimitCycle, Outcome, Settled, Stalled
 from revline.design.pid_system import pid_system
 from revline.design.step_measures import StepMeasures, measure_overshoot, measure_step
-from revline.errors import DivergedError, InvalidInputError, SimulationError
+from revline.errors import DivergedError, InvalidInputError, SimulationError, out_of_range
 from revline.lti.transfer_function import TransferFunction
 from revline.system import DelaySystem
 from revline.values import make_read_only
@@ -147,6 +148,9 @@ class LoopTask:
         if not math.isfinite(self.command) or self.command == 0.0:
             message = f"command step = {self.command:g} moves nothing; give a size other than 0"
             raise InvalidInputError(message, command=self.command)
+        for name, value in (("stop time", self.until), ("time step", self.step)):
+            if not (math.isfinite(value) and value > 0.0):
+                raise out_of_range(name, value, "s", "values above 0", "give a time in seconds")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -156,6 +160,12 @@ class OperatingPoint:
     states: Floats
     inputs: Mapping[str, float]
     measurement: float
+
+
+def operating_point(trim: Trim, wires: LoopSignals = SPEED_BY_THROTTLE) -> OperatingPoint:
+    """Start a loop from a trim."""
+    inputs = {variable.name: trim.input(variable.name) for variable in trim.input_variables}
+    return OperatingPoint(states=trim.states, inputs=inputs, measurement=trim.output(wires.measurement))
 
 
 def run_loop(

@@ -169,7 +169,7 @@ def fit_transfer_function(
     Raises:
         InvalidInputError: degrees that make no proper transfer function, too few frequencies for the parameters, data that are all
             zero, or zero at one frequency where it cannot be.
-        AnalysisError: the data cannot tell the parameters apart, or the phase line gives a negative delay.
+        AnalysisError: the data cannot tell the parameters apart, the best model is zero, or the phase line gives a negative delay.
         NotConvergedError: no optimum was reached.
 
     Source:
@@ -189,6 +189,9 @@ def fit_transfer_function(
         output_name=response.output_name,
         output_unit=response.output_unit,
     )
+    if model.numerator == (0.0,):
+        message = f"no model of {zeros} zeros and {poles} poles is better than zero; fit more poles"
+        raise AnalysisError(message)
     line = fit_phase_line(response, model.with_delay(0.0))
     if delay is DelayRule.PHASE_LINE:
         if line.delay < 0.0:

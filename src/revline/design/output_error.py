@@ -25,6 +25,7 @@ _SAME_COST = 1e-6
 _LINEAR_ITERATIONS = (20, 4)
 """Without and with a free delay, where many delays are tried and the best are followed down anyway."""
 _POLISH_STEPS = 60
+_FRACTIONS = (1.0, 0.25, 0.0625)
 _DELAY_STARTS = 100
 _STARTS_KEPT = 8
 _RESONANCE_STARTS = 9
@@ -80,7 +81,7 @@ class Optimum:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Problem:
-    """A fit in scaled units: s in units of `frequency`, the response in units of `gain`."""
+    """A fit in scaled units: s in units of `frequency`, the response in units of `gain`; weighted data have length 1."""
 
     s: Complexes
     values: Complexes
@@ -90,6 +91,12 @@ class Problem:
     free_delay: int
     frequency: float
     gain: float
+    weight: float
+
+    @property
+    def cost_unit(self) -> float:
+        """What one scaled unit of the sum of squares is."""
+        return (self.gain * self.weight) ** 2
 
     @property
     def size(self) -> int:
@@ -142,15 +149,19 @@ def make_problem(omega: Floats, values: Complexes, weights: Floats, zeros: int, 
     used = omega[omega > 0.0]
     frequency = math.sqrt(float(used[0]) * float(used[-1])) if used.size else 1.0
     gain = float(np.abs(values).max())
+    # The largest weight first, so that the squares of extreme ones do not overflow.
+    weight = float(weights.max())
+    weight *= float(np.linalg.norm(weights / weight * np.abs(values / gain)))
     return Problem(
         s=np.asarray(1j * omega / frequency, dtype=complex),
         values=values / gain,
-        weights=weights,
+        weights=weights / weight,
         zeros=zeros,
         poles=poles,
         free_delay=free_delay,
         frequency=frequency,
         gain=gain,
+        weight=weight,
     )
 
 
@@ -167,13 +178,16 @@ def minimise(problem: Problem) -> Optimum:
         NotConvergedError: the gradient at the best point is not zero to rounding.
         AnalysisError: the data cannot tell the parameters apart.
     """
-    starts = sorted(_starts(problem), key=lambda entry: _cost(problem, entry[1]))[:_STARTS_KEPT]
-    found = [(name, _descend(problem, start)) for name, start in starts]
-    best = min((x for _, x in found), key=lambda x: _cost(problem, x))
-    # A second start, off the best point to all sides: it must lead back.
-    away = best * (1.0 + 0.1 * (-1.0) ** np.arange(problem.size))
-    found.append(("best point, each parameter moved by a tenth", _descend(problem, away)))
-    best = min((x for _, x in found), key=lambda x: _cost(problem, x))
+    # Starts and trial steps may overflow; what is not finite is passed over, and the optimum is verified.
+    with np.errstate(all="ignore"):
+        starts = [(name, x) for name, x in _starts(problem) if math.isfinite(_cost(problem, x))]
+        starts.sort(key=lambda entry: _cost(problem, entry[1]))
+        found = [(name, _descend(problem, start)) for name, start in starts[:_STARTS_KEPT]]
+        best = min((x for _, x in found), key=lambda x: _cost(problem, x))
+        # A second start, off the best point to all sides: it must lead back.
+        away = best * (1.0 + 0.1 * (-1.0) ** np.arange(problem.size))
+        found.append(("best point, each parameter moved by a tenth", _descend(problem, away)))
+        best = min((x for _, x in found), key=lambda x: _cost(problem, x))
     if problem.free_delay and best[-1] < 0.0:
         return minimise(replace(problem, free_delay=0))
     gradient = _gradient(problem, best)
@@ -197,8 +211,7 @@ def _cost(problem: Problem, x: Floats) -> float:
 def _gradient(problem: Problem, x: Floats) -> float:
     """Largest share of the data that still lies along a column of the Jacobian."""
     jacobian = problem.jacobian(x)
-    data = float(np.linalg.norm(problem.weights * np.abs(problem.values)))
-    return float(np.max(np.abs(jacobian.T @ problem.residuals(x)) / _lengths(jacobian))) / data
+    return float(np.max(np.abs(jacobian.T @ problem.residuals(x)) / _lengths(jacobian)))
 
 
 def _descend(problem: Problem, start: Floats) -> Floats:
@@ -218,21 +231,19 @@ def _descend(problem: Problem, start: Floats) -> Floats:
 def _polish(problem: Problem, x: Floats) -> Floats:
     """Gauss-Newton, then Newton steps, for as long as they shrink the gradient: a trust region stops at the root of rounding."""
     gradient = _gradient(problem, x)
-    for step in (_gauss_newton_step, _newton_step):
+    for find_step in (_gauss_newton_step, _newton_step):
         for _ in range(_POLISH_STEPS):
-            better = x + step(problem, x)
-            better_gradient = _gradient(problem, better)
-            if not better_gradient < gradient:
+            step = find_step(problem, x)
+            tried = ((_gradient(problem, x + fraction * step), fraction) for fraction in _FRACTIONS)
+            better, fraction = next((entry for entry in tried if entry[0] < gradient), (gradient, 0.0))
+            if fraction == 0.0:
                 break
-            x, gradient = better, better_gradient
+            x, gradient = x + fraction * step, better
     return x
 
 
 def _gauss_newton_step(problem: Problem, x: Floats) -> Floats:
-    jacobian = problem.jacobian(x)
-    lengths = _lengths(jacobian)
-    step: Floats = np.linalg.lstsq(jacobian / lengths, -problem.residuals(x), rcond=None)[0] / lengths
-    return step
+    return _solve(problem.jacobian(x), -problem.residuals(x))
 
 
 def _newton_step(problem: Problem, x: Floats) -> Floats:
@@ -243,10 +254,9 @@ def _newton_step(problem: Problem, x: Floats) -> Floats:
         return np.asarray(problem.jacobian(at).T @ problem.residuals(at) / lengths)
 
     lengths = _lengths(problem.jacobian(x))
-    moves = np.eye(problem.size) * 1e-6 * float(np.linalg.norm(problem.weights * np.abs(problem.values)))
+    moves = np.eye(problem.size) * 1e-6
     curvature = np.stack([(slopes(move) - slopes(-move)) / (2.0 * move[k]) for k, move in enumerate(moves)], axis=1)
-    step: Floats = np.linalg.lstsq(curvature, -slopes(np.zeros(problem.size)), rcond=None)[0] / lengths
-    return step
+    return _solve(curvature, -slopes(np.zeros(problem.size))) / lengths
 
 
 def _lengths(columns: Floats) -> Floats:
@@ -257,7 +267,7 @@ def _starts(problem: Problem) -> Iterator[tuple[str, Floats]]:
     for delay in _delay_starts(problem):
         advanced = problem.values * np.exp(problem.s * delay)
         label = f", delay {delay / problem.frequency:.4g} s" if problem.free_delay else ""
-        bottom = np.append(1.0, np.zeros(problem.poles))
+        top, bottom = np.zeros(0), np.append(1.0, np.zeros(problem.poles))
         for iteration in range(_LINEAR_ITERATIONS[problem.free_delay]):
             top, bottom = _linear_fit(problem, advanced, bottom)
             if iteration == 0:
@@ -273,8 +283,8 @@ def _starts(problem: Problem) -> Iterator[tuple[str, Floats]]:
 def _pole_starts(problem: Problem) -> Iterator[tuple[str, Complexes]]:
     """Sets of stable poles over the range of the frequencies: real ones, and with one resonance at a time."""
     reach = float(np.abs(problem.s).max())
+    real = -np.geomspace(reach**-0.5, reach**0.75, problem.poles + 1)[:-1].astype(complex)
     if problem.poles:
-        real = -np.geomspace(reach**-0.5, reach**0.75, problem.poles + 1)[:-1].astype(complex)
         yield "real poles over the frequencies", real
     if problem.poles >= 2:
         for size in np.geomspace(1.0 / reach, reach, _RESONANCE_STARTS):
@@ -298,26 +308,29 @@ def _linear_fit(problem: Problem, values: Complexes, previous: Floats) -> tuple[
     weights = problem.weights / np.abs(np.polynomial.polynomial.polyval(problem.s, previous))
     powers = problem.s[:, None] ** np.arange(max(problem.zeros, problem.poles) + 1)
     columns = np.concatenate([powers[:, : problem.zeros + 1], -values[:, None] * powers[:, 1 : problem.poles + 1]], axis=1)
-    solution = _solve(weights[:, None] * columns, weights * values)
+    solution = _solve(_stack(weights[:, None] * columns), _stack(weights * values))
     return solution[: problem.zeros + 1], np.append(1.0, solution[problem.zeros + 1 :])
 
 
 def _numerator(problem: Problem, values: Complexes, bottom: Floats) -> Floats:
     """The best numerator for a given denominator: a linear problem."""
     factor = problem.weights / np.polynomial.polynomial.polyval(problem.s, bottom)
-    return _solve(factor[:, None] * problem.s[:, None] ** np.arange(problem.zeros + 1), problem.weights * values)
+    columns = factor[:, None] * problem.s[:, None] ** np.arange(problem.zeros + 1)
+    return _solve(_stack(columns), _stack(problem.weights * values))
 
 
-def _solve(matrix: Complexes, right: Complexes) -> Floats:
-    stacked = _stack(matrix)
-    lengths = _lengths(stacked)
-    solution: NDArray[np.float64] = np.linalg.lstsq(stacked / lengths, _stack(right), rcond=None)[0] / lengths
-    return solution
+def _solve(matrix: Floats, right: Floats) -> Floats:
+    """Least squares with columns scaled to one length; not a number where the matrix is not, which LAPACK would not survive."""
+    lengths = _lengths(matrix)
+    scaled = matrix / lengths
+    if not (np.all(np.isfinite(scaled)) and np.all(np.isfinite(right))):
+        return np.full(lengths.size, np.nan)
+    return np.asarray(np.linalg.lstsq(scaled, right, rcond=None)[0] / lengths)
 
 
 def _reflected(problem: Problem, values: Complexes, top: Floats, bottom: Floats) -> tuple[Floats, Floats]:
     """Mirror poles of the right half plane into the left one: linear starts on noisy data are often unstable."""
-    if bottom[-1] == 0.0:
+    if bottom[-1] == 0.0 or not np.all(np.isfinite(bottom)):
         return top, bottom
     poles = polynomial_roots(bottom)
     if np.all(poles.real < 0.0):
@@ -333,7 +346,7 @@ def _join(problem: Problem, top: Floats, bottom: Floats, delay: float) -> Floats
 
 def _optimum(problem: Problem, best: Floats, gradient: float, found: list[tuple[str, Floats]]) -> Optimum:
     jacobian = problem.jacobian(best)
-    lengths = np.linalg.norm(jacobian, axis=0)
+    lengths = _lengths(jacobian)
     _, singular, right = np.linalg.svd(jacobian / lengths, full_matrices=False)
     condition = float(singular[0] / singular[-1]) if singular[-1] > 0.0 else math.inf
     if not condition < _LARGEST_CONDITION:
@@ -347,12 +360,11 @@ def _optimum(problem: Problem, best: Floats, gradient: float, found: list[tuple[
     inverse = (right.T / singular**2) @ right
     units = problem.units
     top, bottom, delay = problem.split(best * units)
-    floor = np.finfo(float).eps * float(np.sum((problem.weights * np.abs(problem.values)) ** 2))
     starts = tuple(
         Start(
             name=name,
-            residual_sum=_cost(problem, x) * problem.gain**2,
-            agrees=bool(_cost(problem, x) <= cost * (1.0 + _SAME_COST) + floor),
+            residual_sum=_cost(problem, x) * problem.cost_unit,
+            agrees=bool(_cost(problem, x) <= cost * (1.0 + _SAME_COST) + np.finfo(float).eps),
         )
         for name, x in found
     )
@@ -360,7 +372,7 @@ def _optimum(problem: Problem, best: Floats, gradient: float, found: list[tuple[
         numerator=tuple(top.tolist()),
         denominator=tuple(bottom.tolist()),
         delay=delay,
-        residual_sum=cost * problem.gain**2,
+        residual_sum=cost * problem.cost_unit,
         covariance=inverse * np.outer(scale, scale) * cost / (measured - problem.size),
         condition=condition,
         gradient=gradient,
