@@ -23,9 +23,11 @@ def explain(system: DelaySystem, s: Record) -> SimulationError:
         return DivergedError(
             f"diverged: {place}: {', '.join(lost)} is no finite number any more; give smaller gains or a smaller step", **details
         )
-    gone = [f"{v.name} goes to {x:g} {v.unit}, outside {v.low:g} to {v.high:g} {v.unit}" for v, x in tried if not v.low <= x <= v.high]
+    gone = [(v, x) for v, x in tried if not v.low <= x <= v.high]
     if gone:
-        return StalledError(f"stalled: {place}: {'; '.join(gone)}; give more throttle, less load or smaller gains", **details)
+        said = "; ".join(f"{v.name} goes to {x:g} {v.unit}, outside {v.low:g} to {v.high:g} {v.unit}" for v, x in gone)
+        left = {"state": gone[0][0].name, "value": gone[0][1]}
+        return StalledError(f"stalled: {place}: {said}; give more throttle, less load or smaller gains", **{**details, **left})
     return _explain_lags(system, s, place, end, details)
 
 
