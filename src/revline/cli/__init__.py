@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple, TextIO
 import typer
 
 from revline import __version__
-from revline.cli import engine_commands, loop_command, model_commands, response_command
+from revline.cli import engine_commands, loop_command, model_commands, response_command, study_commands
 from revline.cli.shell import say
 from revline.errors import RevlineError
 
@@ -63,6 +63,8 @@ COMMANDS = (
         "Closed speed loop in time, and how it ends.",
         "revline loop c1.json --throttle 25 --step 60 --until 20 --out loop.csv",
     ),
+    Entry("study", study_commands.study, "The whole study into a folder, with its report.", "revline study --out out"),
+    Entry("report", study_commands.report, "Make a study's report again.", "revline report out"),
 )
 """All commands, in the order of the work."""
 

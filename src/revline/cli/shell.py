@@ -133,6 +133,26 @@ class Shell:
             task = bar.add_task(text, total=1.0)
             yield lambda done: bar.update(task, completed=done)
 
+    @contextmanager
+    def stages(self, text: str) -> Iterator[Callable[[str, float], None]]:
+        """Show the stage under way of a long computation, how far it is, and the time it still needs, where stderr is a terminal.
+
+        Args:
+            text: what is computed.
+
+        Yields:
+            What the computation tells the stage's name and which part of the whole is done, 0 to 1.
+        """
+        if self.quiet or not sys.stderr.isatty():
+            yield lambda _, __: None
+            return
+        from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+        columns = (TextColumn("{task.description:<28}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+        with Progress(*columns, console=make_console(stderr=True), transient=True) as bar:
+            task = bar.add_task(text, total=1.0)
+            yield lambda stage, done: bar.update(task, completed=done, description=f"{text}: {stage}")
+
 
 def is_stdout(out: Path | None) -> bool:
     """Whether a command's file is stdout."""

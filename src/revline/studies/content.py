@@ -1,6 +1,6 @@
 """The study's report as a document: what was asked, what came out, and what it means, for an engineer who has not read the thesis."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 from revline import __version__
 from revline.design.closed_loop import describe_outcome
@@ -18,7 +18,7 @@ from revline.report.blocks import (
     TableBlock,
 )
 from revline.report.document import Card, Document, Section
-from revline.report.inline import marked
+from revline.report.inline import Text, marked
 from revline.report.numbers import format_number
 from revline.studies import content_models
 from revline.studies.material import Material, figures
@@ -65,26 +65,33 @@ def _abstract(material: Material) -> tuple[str, ...]:
     results = material.results
     c1, c2, c2d = (results.loops.row(name, "engine").run for name in ("c1", "c2", "c2d"))
     delay = 1e3 * results.models.fit("g2d").fit.model.delay
-    return (
+    problem = (
         "An engine answers its throttle late: air must fill the manifold, and the charge burns a fixed crank angle after it was drawn in. "
         "Controllers are designed on linear models. This report fits such models to the nonlinear engine, designs speed controllers on "
-        "them, and runs these controllers on the engine itself.",
-        f"The models without delay allow any gain. The controllers designed on them hunt on the engine: C1 {describe_outcome(c1)}; "
-        f"C2 {describe_outcome(c2)}. The model with a delay of {delay:.1f} ms foresees that; C2d, designed on it, {describe_outcome(c2d)}.",
+        "them, and runs these controllers on the engine itself."
     )
+    lesson = (
+        f"The models without delay allow any gain. The controllers designed on them hunt on the engine: C1 {describe_outcome(c1)}; "
+        f"C2 {describe_outcome(c2)}. The model with a delay of {delay:.1f} ms foresees that; C2d, designed on it, {describe_outcome(c2d)}."
+    )
+    return problem, lesson
 
 
 def _cards(material: Material) -> tuple[Card, ...]:
     results = material.results
     trim, failed = results.point.trim, sum(not check.passed for check in material.checks)
+    speed = trim.output("engine_speed")
+    fitted = 1e3 * results.models.fit("g2d").fit.model.delay
+    verdict = results.linearity
+    count = len(material.checks)
     return (
-        Card(label="Speed at the operating point", value=f"{trim.output('engine_speed'):.2f}", unit="rad/s", note=f"{trim.output('engine_speed') / RPM:.0f} rpm"),
+        Card(label="Speed at the operating point", value=f"{speed:.2f}", unit="rad/s", note=f"{speed / RPM:.0f} rpm"),
         Card(label="Static gain", value=f"{results.point.gain:.3f}", unit="rad/s per deg", note="throttle to speed, exact"),
         Card(label="Transport delay", value=f"{1e3 * trim.lag('charge'):.1f}", unit="ms", note="intake to torque, at this speed"),
-        Card(label="Delay of the fitted model", value=f"{1e3 * results.models.fit('g2d').fit.model.delay:.1f}", unit="ms", note="G2d, from the phase line"),
-        Card(label="Largest distortion", value=f"{100 * results.linearity.largest_distortion:.1f}", unit="%", note=f"at {results.linearity.where:g} rad/s"),
-        Card(label="Checks", value=f"{len(material.checks) - failed} of {len(material.checks)}", note="hold" if not failed else f"{failed} fail"),
-    )  # fmt: skip
+        Card(label="Delay of the fitted model", value=f"{fitted:.1f}", unit="ms", note="G2d, from the phase line"),
+        Card(label="Largest distortion", value=f"{100 * verdict.largest_distortion:.1f}", unit="%", note=f"at {verdict.where:g} rad/s"),
+        Card(label="Checks", value=f"{count - failed} of {count}", note=f"{failed} fail" if failed else "hold"),
+    )
 
 
 def _engine(material: Material) -> Section:
@@ -93,12 +100,11 @@ def _engine(material: Material) -> Section:
         anchor="engine",
         blocks=(
             Paragraph(
-                "Two states, manifold pressure and engine speed, and two delays. Air flows through the throttle into the manifold and on into "
+                "Two states, manifold pressure and engine speed, and two delays. Air flows through the throttle into the "
+                "manifold and on into "
                 "the cylinders; what they draw becomes torque a crank angle later, so that the delay in time goes with one over the speed."
             ),
-            Equation(
-                source='dot(m)_"ai" = "MAX" dot.op "PRI" dot.op "TC"' if False else 'dot(m)_"ai" = "MAX" cdot "PRI" cdot "TC"', id="2.1"
-            ),
+            Equation(source='dot(m)_"ai" = "MAX" cdot "PRI" cdot "TC"', id="2.1"),
             Equation(source='dot(P)_m = (R T_m)/(V_m) (dot(m)_"ai" - dot(m)_"ao")', id="2.8"),
             Equation(
                 source='T_i (t) = C_T cdot [(dot(m)_"ao" "AFI")/(omega_e)](t - 5.48/(omega_e)) cdot "SI"(t - 1.30/(omega_e))', id="2.15"
@@ -135,7 +141,8 @@ def _steady(material: Material) -> Section:
             Paragraph(
                 f"The steady map is nearly straight about the operating point: over {result.line.low:g} to {result.line.high:g} deg a line "
                 f"of slope {result.line.slope:.3f} rad/s per deg errs by {result.line.max_error:.2f} rad/s at most. If an error of "
-                f"{100 * widest.tolerance:g} % of the span is allowed, the range may be {widest.line.low:.1f} to {widest.line.high:.1f} deg."
+                f"{100 * widest.tolerance:g} % of the span is allowed, the range may be {widest.line.low:.1f} to "
+                f"{widest.line.high:.1f} deg."
             ),
             *figures(material, "4.1", "4.2a", "4.2b"),
         ),
@@ -185,8 +192,10 @@ def _response(material: Material) -> Section:
         anchor="response",
         blocks=(
             Paragraph(
-                "Each frequency is simulated until its answer repeats itself, and read twice: by Fourier correlation over whole periods, and "
-                "by peaks as the thesis did (half of maximum minus minimum; phase from the times of matching peaks). The exact small-signal "
+                "Each frequency is simulated until its answer repeats itself, and read twice: by Fourier correlation over "
+                "whole periods, and "
+                "by peaks as the thesis did (half of maximum minus minimum; phase from the times of matching peaks). The "
+                "exact small-signal "
                 "response, from derivatives of the equations with the delays kept, stands beside: the difference is the amplitude's effect."
             ),
             *figures(material, "4.10"),
@@ -214,13 +223,18 @@ def _checks(material: Material) -> Section:
                 "means, or from another part of the study."
             ),
             CheckTable(checks=table),
-            DefinitionList(
-                items=(
-                    ("Simulation", "Runge-Kutta of order 4 in steps of 1 ms; sinusoids in whole parts of their period, halved until the error is small."),
-                    ("Steady states", f"Newton with exact derivatives; residual {material.results.point.trim.residual:.1e} of the search range per second."),
-                    ("Fits", "sum of squared complex errors over all frequencies, unit weights (output error)."),
-                    ("Closed loops", marked("$u = u_0 + k_p e + k_i integral e - k_d dot(omega)$; true step, no anti-windup, throttle limited on the engine only.")),
-                )
-            ),
+            DefinitionList(items=(*_methods(material),)),
         ),
-    )  # fmt: skip
+    )
+
+
+def _methods(material: Material) -> Iterator[tuple[Text, Text]]:
+    residual = material.results.point.trim.residual
+    yield (
+        "Simulation",
+        "Runge-Kutta of order 4 in steps of 1 ms; sinusoids in whole parts of their period, halved until the error is small.",
+    )
+    yield "Steady states", f"Newton with exact derivatives; residual {residual:.1e} of the search range per second."
+    yield "Fits", "Sum of squared complex errors over all frequencies, unit weights (output error)."
+    law = marked("$u = u_0 + k_p e + k_i integral e - k_d dot(omega)$; true step, no anti-windup, throttle limited on the engine only.")
+    yield "Closed loops", law

@@ -9,7 +9,7 @@ from revline.design.outcome import LimitCycle
 from revline.report.blocks import Align, Callout, CalloutKind, Column, ItemList, Paragraph, TableBlock
 from revline.report.document import Section
 from revline.report.inline import Text
-from revline.report.numbers import format_deviation, format_number
+from revline.report.numbers import MINUS, format_deviation, format_number
 from revline.studies.config import StudyConfig, read_table_4_1, reference_text
 from revline.studies.material import Material, figures
 from revline.studies.results import LoopRow, ModelsResult, title
@@ -173,7 +173,7 @@ def poles_table(results: StudyResults) -> TableBlock:
 def _show_pole(pole: complex) -> str:
     if abs(pole.imag) < 1e-9 * abs(pole):
         return format_number(pole.real)
-    sign = "+" if pole.imag > 0.0 else "−"
+    sign = "+" if pole.imag > 0.0 else MINUS
     return f"{format_number(pole.real)} {sign} {format_number(abs(pole.imag))}j"
 
 
@@ -205,8 +205,10 @@ def controllers_section(material: Material) -> Section:
         anchor="controllers",
         blocks=(
             Paragraph(
-                "C1 places the poles of the loop around G1. C2 and C2d start from Ziegler and Nichols' step-response rule. The thesis's form of "
-                "that rule forgets the plant's gain, so that its gains are twelve times too hot and had to be tamed by hand; the rule as it was "
+                "C1 places the poles of the loop around G1. C2 and C2d start from Ziegler and Nichols' step-response rule. "
+                "The thesis's form of "
+                "that rule forgets the plant's gain, so that its gains are twelve times too hot and had to be tamed by hand; "
+                "the rule as it was "
                 "published divides by the gain. Both are shown."
             ),
             TableBlock(caption="Gains", columns=columns, rows=rows, id="gains"),
@@ -248,7 +250,8 @@ def loops_section(material: Material) -> Section:
         anchor="loops",
         blocks=(
             Paragraph(
-                f"Every loop is asked for a step of {results.loops.command:g} rad/s. Form: {FORM}. On the engine the throttle is limited; the "
+                f"Every loop is asked for a step of {results.loops.command:g} rad/s. Form: {FORM}. On the engine the throttle "
+                "is limited; the "
                 "linear models have no limits, and their delay is simulated, not approximated."
             ),
             TableBlock(caption="Closed loops", columns=columns, rows=tuple(_loop_cells(row) for row in results.loops.rows), id="loops"),

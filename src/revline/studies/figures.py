@@ -18,7 +18,8 @@ from revline.lti.response import FrequencyResponse
 from revline.report.bode import BodeTrace, ErrorTrace, plot_bode, plot_closed_loop_bode, plot_phase_line, plot_response_errors
 from revline.report.curves import View, plot_curves
 from revline.report.loops import LoopTrace, plot_loop
-from revline.report.parts import Curve, Level, Note
+from revline.report.notes import Note
+from revline.report.parts import Curve, Level
 from revline.report.poles import PoleSet, plot_poles
 from revline.report.responses import Command, TangentTrace, plot_divergence, plot_step_response, plot_tangents
 from revline.report.spectrum import plot_spectrum
@@ -128,7 +129,7 @@ def _steady(results: StudyResults) -> dict[str, FigureCall]:
         "4.2a": _call(plot_steady_map, steady.values, outputs, stable, THROTTLE, SPEED, point=note, line=straight),
         "4.2b": _call(
             plot_curves,
-            [Curve(x=np.array(line.values)[chosen], y=np.array(line.errors)[chosen], look=MODELS[0]._replace(marker="o"))],
+            [Curve(x=np.array(line.values)[chosen], y=np.array(line.errors)[chosen], look=MODELS[0])],
             THROTTLE,
             Quantity("speed less straight line", "rad/s"),
             levels=[Level(0.0)],
@@ -153,8 +154,9 @@ def _spectra(config: StudyConfig, results: StudyResults) -> dict[str, FigureCall
         )
     omega = results.sine.frequency
     times = results.sine.times
+    base = f"sinusoid at {omega:g} rad/s about {config.throttle_deg:g} deg"
     calls["4.3a"] = _call(
-        plot_curves, [Curve(x=times, y=results.sine.throttle, look=PLANT)], TIME, THROTTLE, levels=[Level(config.throttle_deg, f"sinusoid at {omega:g} rad/s about {config.throttle_deg:g} deg")]
+        plot_curves, [Curve(x=times, y=results.sine.throttle, look=PLANT)], TIME, THROTTLE, levels=[Level(config.throttle_deg, base)]
     )  # fmt: skip
     calls["4.3b"] = _call(
         plot_curves,

@@ -8,8 +8,9 @@ from revline import signals
 from revline.analysis.linearize import linearize
 from revline.analysis.operating_range import find_operating_range, fit_line
 from revline.analysis.periodic import Excitation
-from revline.analysis.sinestream import Progress, Sinestream, find_sinestream
+from revline.analysis.sinestream import Sinestream, find_sinestream
 from revline.analysis.steady_map import find_steady_map
+from revline.analysis.threads import Progress
 from revline.analysis.trim import Trim, find_trim
 from revline.dde.simulate import Start, Trajectory, simulate
 from revline.design.controller import PidGains
@@ -95,7 +96,7 @@ def run_sine(engine: DelaySystem, point: PointResult, config: StudyConfig) -> Si
     """Simulate the sinusoid that is shown: three periods, of which the first is the transient's."""
     omega = SHOWN_SINE
     period = 2.0 * np.pi / omega
-    run = throttle_run(engine, point.trim, signals.sine(config.amplitude_deg, omega), 3.0 * period, period / 2000.0)
+    run = throttle_run(engine, point.trim, signals.sine(config.amplitude_deg, omega), 3.0 * period, period / 8000.0)
     kept = run.times >= period * (1.0 - 1e-9)
     speed = run.output("engine_speed") - point.trim.output("engine_speed")
     return SineRecord(omega, run.times[kept], run.input("throttle")[kept], speed[kept])

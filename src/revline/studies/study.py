@@ -5,8 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from revline.analysis.linearity import judge_linearity
-from revline.analysis.sinestream import Progress
 from revline.analysis.spectrum import check_spectra
+from revline.analysis.threads import Progress
 from revline.studies import loop_steps, steps
 from revline.studies.chain import Chain, Report
 from revline.studies.config import StudyConfig
