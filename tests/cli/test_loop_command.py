@@ -98,6 +98,13 @@ def test_what_a_loop_refuses(arguments: tuple[object, ...], message: str, revlin
     assert message in done.err
 
 
+@pytest.mark.slow
+def test_a_step_longer_than_a_lag_during_the_run_is_wrong_input(revline: Command, c1: Path) -> None:
+    done = revline("loop", c1, "--throttle", 25, "--time-step", 0.005)
+    assert (done.status, done.out) == (2, "")
+    assert "error: step = 0.005 s is longer than a lag during the run, 0.0049" in done.err
+
+
 def test_files_that_do_not_fit_a_loop_are_refused(revline: Command, g1: Path, c1: Path, tmp_path: Path) -> None:
     assert "3 files were given" in revline("loop", g1, g1, c1).err
     assert "--low and --high limit an engine's throttle" in revline("loop", g1, c1, "--high", 60).err

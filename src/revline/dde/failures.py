@@ -3,7 +3,7 @@
 import math
 
 from revline.dde.run import Record
-from revline.errors import DivergedError, LagError, SimulationError, StalledError
+from revline.errors import DivergedError, LagError, SimulationError, StalledError, StepError
 from revline.system import DelaySystem
 
 
@@ -40,7 +40,7 @@ def _explain_lags(system: DelaySystem, s: Record, place: str, end: float, detail
     for name, lag in following:
         if lag < step:
             what = f"step = {step:g} s is longer than a lag during the run, {lag:g} s of {name}"
-            return LagError(f"{what}: {place}; give a smaller step", **details)
+            return StepError(f"{what}: {place}; give a smaller step", **details)
     grown = max(following, key=lambda entry: entry[1])
     return LagError(
         f"stalled: {place}: the delayed time runs backwards, the lag of {grown[0]} grows to {grown[1]:g} s faster than time passes; "

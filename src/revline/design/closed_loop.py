@@ -22,7 +22,7 @@ from revline.design.linear_plant import linear_plant, step_limit
 from revline.design.outcome import Diverged, LimitCycle, Outcome, Settled, Stalled
 from revline.design.pid_system import pid_system
 from revline.design.step_measures import StepMeasures, measure_overshoot, measure_step
-from revline.errors import DivergedError, InvalidInputError, SimulationError, out_of_range
+from revline.errors import DivergedError, InvalidInputError, SimulationError, StepError, out_of_range
 from revline.lti.transfer_function import TransferFunction
 from revline.system import DelaySystem
 from revline.values import make_read_only
@@ -190,7 +190,7 @@ def run_loop(
     Raises:
         InvalidInputError: signals are missing, units differ, or the limits exclude the trim.
         NotSettledError: the record is too short to tell how the loop ends.
-        LagError: the step is longer than a lag at the start.
+        StepError: a lag fell below the step.
     """
     loop = close_loop(plant, point, gains, wires=wires, limits=limits)
     free = {v.name for v in loop.inputs}
@@ -199,6 +199,8 @@ def run_loop(
     command = {"command": signals.step(task.command)}
     try:
         record, end = simulate(loop, start, command, until=task.until, step=task.step), None
+    except StepError:
+        raise
     except SimulationError as error:
         end = _ending(error, loop, task)
         last = max(math.floor(float(error.details["time"]) / task.step) - 1, LEAST_STEPS) * task.step
