@@ -83,7 +83,7 @@ def plot_closed_loop_bode(traces: Sequence[BodeTrace], *, bandwidth: RadiansPerS
     Raises:
         InvalidInputError: as for `plot_bode`, or bandwidth or level are not positive.
     """
-    for name, value, unit in (("bandwidth", bandwidth, "rad/s"), ("level", level, "")):
+    for name, value, unit in (("bandwidth", bandwidth, "rad/s"), ("level", level, "as a magnitude")):
         if not (math.isfinite(value) and value > 0.0):
             raise out_of_range(name, value, unit, "the positive numbers", "give what the closed loop's measures say")
     level_db = 20.0 * math.log10(level)

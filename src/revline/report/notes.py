@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.text import Annotation
+from matplotlib.text import Annotation, Text
 from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
@@ -86,7 +86,9 @@ def place_notes(axes: Axes, notes: Iterable[Note]) -> None:
         text.remove()
         half = np.array([extent.width, extent.height]) / 2.0
         best = min(_places(axes, note, half, obstacles, blocks), key=lambda place: place.cost)
-        blocks.append(_write(axes, note, best).get_window_extent(renderer))
+        placed = _write(axes, note, best)
+        placed.update_positions(renderer)
+        blocks.append(Text.get_window_extent(placed, renderer))  # of the text alone, without its leader
 
 
 def _obstacles(axes: Axes) -> _Obstacles:
