@@ -85,7 +85,9 @@ def test_the_story_of_the_thesis_comes_out(results: StudyResults) -> None:
     assert any("did not tell" in line for line in results.guidelines)
 
 
-def test_kept_steps_give_the_same_study(config: StudyConfig, results: StudyResults, study_folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kept_steps_give_the_same_study(
+    config: StudyConfig, results: StudyResults, study_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def forbidden(*_: object) -> None:
         pytest.fail("a kept step was computed again")
 
@@ -109,7 +111,7 @@ def test_an_interrupted_study_says_so_and_goes_on(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(steps, "find_range", interrupted)
-    with pytest.raises(PartialResultError, match="partial.*operating-point.*run the same command again"):
+    with pytest.raises(PartialResultError, match=r"partial.*operating-point.*run the same command again"):
         writing.run_study(config, tmp_path)
     partial = json.loads((tmp_path / "results.json").read_text())
     assert partial["partial"] is True

@@ -26,8 +26,8 @@ def explain(system: DelaySystem, s: Record) -> SimulationError:
     gone = [(v, x) for v, x in tried if not v.low <= x <= v.high]
     if gone:
         said = "; ".join(f"{v.name} goes to {x:g} {v.unit}, outside {v.low:g} to {v.high:g} {v.unit}" for v, x in gone)
-        left = {"state": gone[0][0].name, "value": gone[0][1]}
-        return StalledError(f"stalled: {place}: {said}; give more throttle, less load or smaller gains", **{**details, **left})
+        message = f"stalled: {place}: {said}; give more throttle, less load or smaller gains"
+        return StalledError(message, state=gone[0][0].name, value=gone[0][1], **details)
     return _explain_lags(system, s, place, end, details)
 
 
