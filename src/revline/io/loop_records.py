@@ -12,7 +12,6 @@ from revline.errors import AnalysisError, NotSettledError
 from revline.io.csv_text import format_csv
 from revline.lti.transfer_function import TransferFunction
 
-
 OFF_TARGET = 0.02
 """Share of the command beyond which a speed at rest counts as off its target: the usual settling band."""
 
