@@ -10,7 +10,7 @@ import pytest
 from revline.analysis.linearize import linearize
 from revline.analysis.steady_map import find_steady_map
 from revline.analysis.trim import find_trim
-from revline.design.closed_loop import LoopRun, LoopTask, operating_point, run_linear_loop
+from revline.design.closed_loop import Limits, LoopRun, LoopTask, operating_point, run_linear_loop
 from revline.design.controller import PidGains
 from revline.design.fit import DelayRule, fit_transfer_function
 from revline.design.model_choice import judge_model
@@ -18,7 +18,7 @@ from revline.design.outcome import LimitCycle, Settled, Stalled
 from revline.engine.lee1995 import lee1995
 from revline.io.fit_records import fit_record
 from revline.io.json_files import format_json, parse_json
-from revline.io.loop_records import format_loop, linear_loop_record, loop_record
+from revline.io.loop_records import format_loop, linear_loop_record, loop_record, loop_warnings
 from revline.io.model_files import parse_model
 from revline.io.point_records import format_map, linearization_record, map_record, trim_record, trim_warnings
 from revline.lti.transfer_function import TransferFunction
@@ -125,6 +125,20 @@ def test_a_settled_loop_has_overshoot_settling_time_and_bandwidth() -> None:
 def test_a_loop_without_a_band_has_no_bandwidth() -> None:
     weak = run_linear_loop(G1, gains(0.05, 0.0), LoopTask(command=60.0, until=10.0), name="g1")
     assert "bandwidth_rad_s" not in linear_loop_record(weak, G1)
+
+
+def test_a_loop_that_rests_off_its_target_or_shows_no_settling_time_warns() -> None:
+    run = settled()
+    assert loop_warnings(run) == ()
+    assert isinstance(run.outcome, Settled)
+    off = replace(run, outcome=replace(run.outcome, steady_error=-30.0))
+    assert loop_warnings(off) == ("the speed rests 30 rad/s off its target",)
+    limited = replace(off, limits=Limits(low=0.0, high=float(run.control[-1])))
+    assert loop_warnings(limited) == ("the speed rests 30 rad/s off its target with the throttle at a limit",)
+    assert loop_record(limited)["warnings"] == ["the speed rests 30 rad/s off its target with the throttle at a limit"]
+    short = replace(run, times=run.times[:350], output=run.output[:350], control=run.control[:350])
+    assert loop_warnings(short) == ("the record is too short to show a settling time; give a later stop time",)
+    assert loop_warnings(replace(run, outcome=Stalled(time=0.4, state="engine_speed", value=0.0))) == ()
 
 
 def test_what_does_not_exist_is_left_out() -> None:

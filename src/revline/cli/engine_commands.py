@@ -99,13 +99,14 @@ def steady_map(
 
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "map")
-    found = find_steady_map(
-        load_engine(engine),
-        sweep_input="throttle",
-        values=np.linspace(low, high, points),
-        output="engine_speed",
-        inputs={"load_torque": load},
-    )
+    with shell.busy("steady states"):
+        found = find_steady_map(
+            load_engine(engine),
+            sweep_input="throttle",
+            values=np.linspace(low, high, points),
+            output="engine_speed",
+            inputs={"load_torque": load},
+        )
     shell.write(out, format_map(found, load=load), "map")
     shell.warn(*found.warnings)
     rows = [

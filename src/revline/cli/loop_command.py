@@ -51,7 +51,7 @@ def loop(
     """
     from revline.design.closed_loop import LoopTask, describe_outcome
     from revline.io.controller_files import read_controller
-    from revline.io.loop_records import format_loop
+    from revline.io.loop_records import format_loop, loop_warnings
 
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "closed-loop record")
@@ -63,8 +63,7 @@ def loop(
             run, record = _run_model(files[0], gains, task, base=_place(engine, throttle, load))
         else:
             run, record = _run_engine(engine, gains, task, place=(throttle, load), limits=(low, high))
-    if run.is_stable and "settling_time_s" not in record:
-        shell.warn("the record is too short to show a settling time; give a later --until")
+    shell.warn(*loop_warnings(run))
     shell.write(out, format_loop(run), "closed-loop record")
     shell.show(record, Facts(f"{gains.rule} controller on {run.plant}", _facts(record)), describe_outcome(run), text_on=out)
 

@@ -12,6 +12,9 @@ from revline.errors import AnalysisError, NotSettledError
 from revline.io.csv_text import format_csv
 from revline.lti.transfer_function import TransferFunction
 
+OFF_TARGET = 0.02
+"""Share of the command beyond which a speed at rest counts as off its target: the usual settling band."""
+
 
 def loop_record(run: LoopRun) -> Mapping[str, object]:
     """Give a closed loop around an engine or a model of one, after a step of its speed command, as a record.
@@ -35,6 +38,7 @@ def loop_record(run: LoopRun) -> Mapping[str, object]:
         "throttle_low_deg": float(run.control.min()),
         "throttle_high_deg": float(run.control.max()),
         "form": run.form,
+        "warnings": list(loop_warnings(run)),
     }
     if np.all(np.isfinite(run.limits)):
         record["throttle_limits_deg"] = list(run.limits)
@@ -42,6 +46,19 @@ def loop_record(run: LoopRun) -> Mapping[str, object]:
     if run.step > 0.0:
         record["time_step_s"] = run.step
     return {**record, **_outcome_entries(run)}
+
+
+def loop_warnings(run: LoopRun) -> tuple[str, ...]:
+    """Say what a reader of a settled loop should know: that it rests off its target, or that its settling time is not shown."""
+    outcome = run.outcome
+    if not isinstance(outcome, Settled):
+        return ()
+    if abs(outcome.steady_error) > OFF_TARGET * abs(run.command):
+        at_limit = " with the throttle at a limit" if run.control[-1] in run.limits else ""
+        return (f"the speed rests {abs(outcome.steady_error):.4g} rad/s off its target{at_limit}",)
+    if not _settling(run):
+        return ("the record is too short to show a settling time; give a later stop time",)
+    return ()
 
 
 def linear_loop_record(run: LoopRun, model: TransferFunction) -> Mapping[str, object]:
