@@ -1,5 +1,7 @@
 import os
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -166,3 +168,14 @@ def test_rendering_leaves_the_figure_as_it_was() -> None:
     assert render_figure(figure, "a") == first
     assert b"<dc:identifier>a</dc:identifier>" in first[1]
     assert b"Fingerprint\0a" in first[0]
+
+
+def test_workers_start_without_compiler_and_solvers() -> None:
+    """What a worker imports to draw any figure: numba or scipy would double its start."""
+    modules = ("bode", "curves", "figure_files", "loops", "poles", "responses", "spectrum", "steady")
+    program = (
+        f"import sys, {', '.join(f'revline.report.{name}' for name in modules)}; print('numba' in sys.modules, 'scipy' in sys.modules)"
+    )
+    environment = {"PYTHONPATH": str(Path(figure_files.__file__).parents[2])}
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, env=environment)  # noqa: S603 - our own program
+    assert done.stdout.split() == ["False", "False"]
