@@ -7,6 +7,7 @@ import io
 import multiprocessing
 import os
 import re
+import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
@@ -194,12 +195,21 @@ def _draw_all(tasks: Sequence[FigureTask], folder: Path, workers: int) -> Iterat
             yield task.name, _draw_and_write(task, folder)
         return
     # Fresh processes, not forks: forks of a process with threads may hang, and compiled code starts threads.
-    pool = ProcessPoolExecutor(min(workers, len(tasks)), mp_context=multiprocessing.get_context("spawn"))
+    pool = ProcessPoolExecutor(
+        min(workers, len(tasks)),
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=signal.signal,  # an interrupt is for this process, which then lets the others finish what they draw
+        initargs=(signal.SIGINT, signal.SIG_IGN),
+    )
     try:
         running = {pool.submit(_draw_and_write, task, folder): task.name for task in tasks}
         for future in as_completed(running):
             yield running[future], future.result()
     except BrokenProcessPool as error:
+        pool.shutdown()
+        for task in tasks:
+            for part in folder.glob(f".{task.name}.*.part"):
+                part.unlink(missing_ok=True)
         message = (
             "a process that drew figures died, perhaps for want of memory, or because the main module is not guarded by "
             "`if __name__ == '__main__'`; what is written is kept: run again, with workers=1 if need be"

@@ -80,6 +80,8 @@ class LoopTrace:
 def plot_loop(trace: LoopTrace, output: Quantity, control: Quantity, *, until: Seconds | None = None) -> Figure:
     """Draw output and control over time; a limit cycle is shown enlarged at the right, with its bounds and period.
 
+    What diverges is shown until it has.
+
     Args:
         trace: the record.
         output: what the output is.
@@ -90,6 +92,8 @@ def plot_loop(trace: LoopTrace, output: Quantity, control: Quantity, *, until: S
         InvalidInputError: no sample lies before `until`.
     """
     end = float(trace.times[-1]) if until is None else until
+    if isinstance(trace.outcome, Diverged):
+        end = min(end, 1.05 * trace.outcome.time)
     if end <= trace.times[0]:
         message = f"no sample of the closed loop lies before {end:g} s; the first is at {trace.times[0]:g} s"
         raise InvalidInputError(message, until=end)

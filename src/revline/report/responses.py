@@ -78,7 +78,7 @@ class TangentTrace:
         for what, value, unit, possible, limit in (
             ("dead time", self.dead_time, "s", self.dead_time >= 0.0, "the numbers from 0 on"),
             ("rise time", self.rise_time, "s", self.rise_time > 0.0, "the positive numbers"),
-            ("final value", self.final_value, "", self.final_value != 0.0, "the finite numbers other than 0"),
+            ("final value", self.final_value, "in output units", self.final_value != 0.0, "the finite numbers other than 0"),
         ):
             if not (math.isfinite(value) and possible):
                 raise out_of_range(what, value, unit, limit, "measure the tangent again")

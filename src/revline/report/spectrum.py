@@ -57,10 +57,14 @@ def plot_spectrum(
 
     Raises:
         InvalidInputError: columns differ in length or hold what is not finite, frequencies do not rise, magnitudes are negative or all 0,
-            no line lies in the part shown, or the input's frequency is not positive.
+            no line lies in the part shown, or the input's frequency or the peak is not positive.
     """
     omega, lines = check_columns("spectrum", frequency=frequencies, magnitude=magnitudes)
-    _check(omega, lines, input_frequency)
+    _check(omega, lines)
+    for name, value in (("input frequency", input_frequency), ("peak frequency", peak_frequency), ("peak", peak)):
+        if not (math.isfinite(value) and value > 0.0):
+            unit = magnitude.unit if name == "peak" else "rad/s"
+            raise out_of_range(name, value, unit, "the positive numbers", "give what the sinusoid and its spectrum have")
     end = max((HARMONICS + 0.5) * input_frequency, 1.1 * peak_frequency)
     shown = omega <= end
     if not np.any(lines[shown] > 0.0):
@@ -90,9 +94,7 @@ def plot_spectrum(
     return figure
 
 
-def _check(omega: np.ndarray, lines: np.ndarray, input_frequency: float) -> None:
-    if not (math.isfinite(input_frequency) and input_frequency > 0.0):
-        raise out_of_range("input frequency", input_frequency, "rad/s", "the positive numbers", "give that of the sinusoid")
+def _check(omega: np.ndarray, lines: np.ndarray) -> None:
     if np.any(np.diff(omega) <= 0.0) or omega[0] < 0.0:
         message = "the frequencies of the spectrum do not rise from 0 on; give its lines in order"
         raise InvalidInputError(message)
