@@ -10,19 +10,22 @@ from typing import Any
 
 import numpy as np
 
-from revline.dde.history import CUBIC, FAR, move_to_segment
+from revline.dde.history import CUBIC, FAR, NEAREST, move_to_segment
 from revline.dde.memory import breaks_of, record_of, segments_of, terms_of
 from revline.dde.run import AT_BREAK, INSIDE, SEGMENT_ORDERS, SEGMENT_START, Record
 from revline.signals import NEVER, evaluate_term
 
 TOLERANCE = 1e-9
-"""Times closer than this part of the step are the same."""
+"""Times closer than this part of the step, and what rounding adds, are the same; the state's `tolerance` is both."""
 
-LANDED = 1e-6
-"""A reading this close, in parts of the step, to a breakpoint has reached it once the mesh has landed on a break."""
+ROUNDING = 1e-15
+"""Times closer than this part of themselves are the same: some units in the last place."""
 
-EXACT = 1e-13
-"""A breakpoint is located to this part of the step."""
+LANDED = 10.0
+"""A reading this close, in tolerances, to a breakpoint has reached it once the mesh has landed on a break."""
+
+EXACT = 1e-4
+"""A breakpoint is located to this part of the tolerance."""
 
 
 def set_inputs(s: Record, time: float, reference: float) -> None:
@@ -42,18 +45,17 @@ def next_break(s: Record) -> float:
 def choose_step(s: Record) -> None:
     """Choose the step's end: the grid's next point or a breakpoint before it, or a part of the way to it.
 
-    The way is cut into equal parts so that each segment gets the nodes of a cubic.
+    The way is cut into equal parts so that each segment gets the nodes of a cubic, unless they would stand too near.
     """
     stop, s.place = s.grid_time, INSIDE
     following = next_break(s)
     following = s.landing if s.landing < following else following
-    if following <= stop + TOLERANCE * s.step:
+    if following <= stop + s.tolerance:
         s.place = AT_BREAK
-        if following < stop - TOLERANCE * s.step:
-            stop = following
+        stop = following if following < stop - s.tolerance else stop
     lacking = CUBIC - s.node_count + np.int64(segments_of(s)[s.newest_segment, SEGMENT_START])
     s.end = stop
-    if lacking > 1 and stop - s.time > TOLERANCE * s.step:
+    if lacking > 1 and stop - s.time > lacking * NEAREST * s.step:
         s.end = s.time + (stop - s.time) / lacking
         s.place = INSIDE
 
@@ -67,22 +69,36 @@ def seek_breakpoint(s: Record, channels: int) -> bool:
     if s.search_channel >= 0:
         narrow_search(s)
         return True
-    if s.landing < FAR:
+    if s.newest_segment == 0 or (s.landing < FAR and s.place == INSIDE):  # the start, or on the way to a landing
         return False
     reached = False
     for channel in range(channels):
         excess = s.read_time_next[channel] - s.boundary_time[channel]
-        reached = reached or excess >= -TOLERANCE * s.step
-        if excess > TOLERANCE * s.step:
-            s.search_channel, s.search_count = channel, 0
+        reached = reached or excess >= -s.tolerance
+        if excess > s.tolerance:
+            s.landing, s.search_channel, s.search_count = FAR, channel, 0
             s.low_time, s.low_excess = s.time, s.read_time[channel] - s.boundary_time[channel]
             s.high_time, s.high_excess = s.end, excess
             choose_end(s)
             return True
-    if reached:
+    return correct_landing(s, reached)
+
+
+def correct_landing(s: Record, reached: bool) -> bool:  # noqa: FBT001 - compiled: no keywords
+    """Take the tried end for the landing where a reading reaches a breakpoint there; say whether the way to it must be tried anew.
+
+    On the way to a landing, steps are shorter than the one that found it, and the reading may come out short of the breakpoint:
+    then the landing is none, and the next step finds it.
+    """
+    if reached and s.landing != s.end:
         s.landing = s.end
         choose_step(s)
-    return reached
+        return True
+    if not reached and s.landing < FAR:
+        s.landing = FAR
+        if next_break(s) > s.end + s.tolerance:
+            s.place = INSIDE
+    return False
 
 
 def narrow_search(s: Record) -> None:
@@ -98,15 +114,15 @@ def narrow_search(s: Record) -> None:
 def choose_end(s: Record) -> None:
     """Choose the next end to try between the bounds of a search: by the secant, every third time by halving, at last the upper bound."""
     s.search_count += 1
-    if s.low_excess >= 0.0:
-        s.landing, s.search_channel = s.time, -1
-        choose_step(s)
-    elif s.high_excess == 0.0 or s.high_time - s.low_time <= EXACT * s.step or s.search_count > 100:
-        s.end, s.search_channel = s.high_time, -1
-    else:
-        s.end = s.high_time - s.high_excess * (s.high_time - s.low_time) / (s.high_excess - s.low_excess)
-        if s.search_count % 3 == 0 or not s.low_time < s.end < s.high_time:
-            s.end = 0.5 * (s.low_time + s.high_time)
+    if s.low_excess >= 0.0:  # a lag fell at a break, and the reading is beyond its breakpoint already
+        s.end, s.search_channel = s.time, -1
+        return
+    end = s.high_time - s.high_excess * (s.high_time - s.low_time) / (s.high_excess - s.low_excess)
+    if s.search_count % 3 == 0 or not s.low_time < end < s.high_time:
+        end = 0.5 * (s.low_time + s.high_time)
+    if s.high_excess <= EXACT * s.tolerance or s.high_time - s.low_time <= EXACT * s.tolerance or not s.low_time < end < s.high_time:
+        end, s.search_channel = s.high_time, -1
+    s.end = end
 
 
 def take_orders(s: Record, channels: int) -> None:
@@ -115,14 +131,14 @@ def take_orders(s: Record, channels: int) -> None:
     s.landing = FAR
     for k in range(s.input_orders.shape[0]):
         s.input_orders[k] = NEVER
-    while s.next_break < s.breaks_rows and breaks[s.next_break, 0] <= s.time + TOLERANCE * s.step:
+    while s.next_break < s.breaks_rows and breaks[s.next_break, 0] <= s.time + s.tolerance:
         for k in range(breaks.shape[1] - 1):
             s.input_orders[k] = lower(s.input_orders[k], np.int64(breaks[s.next_break, 1 + k]))
         s.next_break += 1
     for channel in range(s.reading_orders.shape[0]):
         s.reading_orders[channel] = NEVER
     for channel in range(channels):
-        while s.read_time[channel] >= s.boundary_time[channel] - LANDED * s.step:
+        while s.read_time[channel] >= s.boundary_time[channel] - LANDED * s.tolerance:
             order = np.int64(segments[s.boundary[channel], SEGMENT_ORDERS + channel])
             s.reading_orders[channel] = lower(s.reading_orders[channel], order)
             move_to_segment(s, channel, s.boundary[channel])

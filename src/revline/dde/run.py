@@ -57,7 +57,7 @@ def state_type(system: DelaySystem) -> np.dtype[np.void]:
     floats, integers = "f8", "i8"
     return np.dtype(
         [
-            *((name, floats) for name in ("time", "end", "landing", "grid_time", "origin", "step")),
+            *((name, floats) for name in ("time", "end", "landing", "grid_time", "origin", "step", "tolerance")),
             *((name, floats) for name in ("low_time", "low_excess", "high_time", "high_excess")),
             *((name, integers) for name in ("grid_index", "grid_target", "store_every", "next_break", "stored", "inputs_known", "place")),
             *((name, integers) for name in ("node_count", "newest_segment", "search_channel", "search_count")),

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from revline.dde import run as runs
+from revline.dde.events import ROUNDING, TOLERANCE
 from revline.dde.failures import explain
 from revline.dde.inputs import tabulate_signals
 from revline.dde.kernel import STANDARD, Method, build_kernel
@@ -185,6 +186,7 @@ def _new_run(system: DelaySystem, start: Start, step: float, every: int) -> Run:
     columns = len(system.channels)
     for field in ("boundary_time", "passing_time"):
         s[field] = np.inf
+    s["tolerance"] = TOLERANCE * step + ROUNDING * abs(start.time)
     s["grid_time"], s["landing"], s["search_channel"] = start.time, start.time, -1  # the start is a breakpoint
     return Run(state=state, nodes=np.zeros((0, runs.NODE_VALUES + columns)), segments=np.zeros((1, runs.SEGMENT_ORDERS + columns)))
 

@@ -1,6 +1,6 @@
 """Parts of the kernel that know no equations: what makes a tried step's end the present. `s` is a run's state."""
 
-from revline.dde.events import LANDED, TOLERANCE, next_break, set_inputs, spread_orders, take_orders
+from revline.dde.events import LANDED, ROUNDING, TOLERANCE, next_break, set_inputs, spread_orders, take_orders
 from revline.dde.history import move_to_segment, push_node, skip_smooth
 from revline.dde.run import ROOM_NODES, ROOM_SEGMENTS, Record
 
@@ -23,7 +23,7 @@ def adopt_step(s: Record, states: int, channels: int) -> bool:
     for k in range(states):
         sound = sound and s.low[k] <= s.x_next[k] <= s.high[k]
     for k in range(channels):
-        sound = sound and s.end - s.read_time_next[k] >= s.step * (1.0 - TOLERANCE)
+        sound = sound and s.end - s.read_time_next[k] >= s.step - s.tolerance
         sound = sound and (s.read_time_next[k] > s.read_time[k] or s.end - s.time <= MONOTONE * s.step)
     if sound:
         for k in range(states):
@@ -65,8 +65,8 @@ def adopt_readings(s: Record, channels: int) -> bool:
     """Make the readings after a breakpoint the present ones and say yes; or refuse lags that jump below the step, or back in history."""
     sound = True
     for k in range(channels):
-        sound = sound and s.time - s.read_time_next[k] >= s.step * (1.0 - TOLERANCE)
-        sound = sound and (s.newest_segment == 0 or s.read_time_next[k] >= s.read_time[k] - LANDED * s.step)
+        sound = sound and s.time - s.read_time_next[k] >= s.step - s.tolerance
+        sound = sound and (s.newest_segment == 0 or s.read_time_next[k] >= s.read_time[k] - LANDED * s.tolerance)
     if sound:
         for k in range(channels):
             s.zd[k] = s.zd_next[k]
@@ -78,3 +78,4 @@ def pass_grid_point(s: Record) -> None:
     """Aim at the grid's next point."""
     s.grid_index += 1
     s.grid_time = s.origin + s.grid_index * s.step
+    s.tolerance = TOLERANCE * s.step + ROUNDING * abs(s.time)
