@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 
 from revline import __version__
 from revline.design.closed_loop import describe_outcome
+from revline.engine.lee1995 import lee1995_parameters
 from revline.report.blocks import (
     Align,
     Callout,
@@ -95,6 +96,11 @@ def _cards(material: Material) -> tuple[Card, ...]:
 
 
 def _engine(material: Material) -> Section:
+    intake, spark = lee1995_parameters(material.config.load_engine()).delays
+
+    def lag(angle: float) -> str:
+        return f"(t - {angle:.2f}/(omega_e))"
+
     return Section(
         title="The engine",
         anchor="engine",
@@ -153,8 +159,8 @@ def _linearity(material: Material) -> Section:
     results = material.results
     rows = tuple(
         (
-            format_number(check.omega, 3),
-            format_number(check.spectrum.peak_omega, 5),
+            f"{check.omega:g}",
+            f"{check.spectrum.peak_omega:.5g}",
             format_number(check.spectrum.resolution, 2),
             format_number(check.spectrum.peak_amplitude, 4),
             f"{100 * check.distortion:.2f}",
@@ -180,7 +186,7 @@ def _linearity(material: Material) -> Section:
                 "the length of the record before padding. The line at zero frequency shows that the mean speed moves; it is no peak."
             ),
             Callout(kind=CalloutKind.FINDING, title=f"The speed {results.linearity.text}"),
-            TableBlock(caption="Spectral check", columns=columns, rows=rows, id="spectra"),
+            TableBlock(caption="Spectral check", columns=columns, rows=rows),
             *figures(material, "4.3a", "4.3b", "4.4", "4.5", "4.6", "4.7", "4.8", "4.9"),
         ),
     )

@@ -112,7 +112,7 @@ def thesis_models() -> dict[str, Any]:
 
 def models_table(results: StudyResults) -> TableBlock:
     """Coefficients: fitted to our response, fitted to Lee's table, and as Lee prints them."""
-    sources: list[tuple[str, ModelsResult]] = [("own response", results.models), *(("Lee's Table 4.1", m) for m in results.table_models)]
+    sources: list[tuple[str, ModelsResult]] = [("ours", results.models), *(("Table 4.1", m) for m in results.table_models)]
     printed = thesis_models() if results.table_models else {}
     columns = (
         Column(heading="Model"),
@@ -120,32 +120,25 @@ def models_table(results: StudyResults) -> TableBlock:
         *(_column(text, group="numerator") for text in ("1", "s")),
         *(_column(text, group="denominator") for text in ("s", "s²", "s³", "s⁴")),
         _column("Delay", "ms"),
-        _column("dB", group="largest error"),
-        _column("deg", group="largest error"),
     )
     rows: list[tuple[Text, ...]] = []
     for name, _ in THESIS_NAMES:
         for source, models in sources:
-            fit = models.fit(name).fit
-            errors = (f"{fit.max_magnitude_error_db:.2f}", f"{fit.max_phase_error_deg:.1f}")
-            rows.append((title(name), source, *_coefficients(fit.model.numerator, fit.model.denominator, fit.model.delay), *errors))
+            model = models.fit(name).fit.model
+            rows.append((title(name), source, *_coefficients(model.numerator, model.denominator, model.delay)))
         if name in printed:
-            entry = printed[name]
-            rows.append(
-                (
-                    title(name),
-                    "as printed in 1995",
-                    *_coefficients(entry["numerator"], entry["denominator"], entry.get("delay_s", 0.0)),
-                    "",
-                    "",
-                )
-            )
+            rows.append((title(name), "print, 1995", *_printed(printed[name])))
     return TableBlock(
         caption="Coefficients in ascending powers of s, denominators 1 at s = 0",
         columns=columns,
         rows=tuple(rows),
         id="4.2",
-        notes=("Numerators in rad/s per deg of throttle. The thesis truncates its digits.",) if printed else (),
+        notes=(
+            "Ours is fitted to the response computed here, Table 4.1 to the thesis's own response; print is what the thesis prints, its "
+            "digits truncated. Numerators in rad/s per deg of throttle.",
+        )
+        if printed
+        else (),
     )
 
 
@@ -153,6 +146,13 @@ def _coefficients(numerator: Any, denominator: Any, delay: float) -> tuple[str, 
     above = [format_number(float(c), 5) for c in numerator]
     below = [format_number(float(c), 5) for c in denominator[1:]]
     return (*above, *[""] * (2 - len(above)), *below, *[""] * (4 - len(below)), f"{1e3 * delay:.2f}" if delay else "")
+
+
+def _printed(entry: Any) -> tuple[str, ...]:
+    """Coefficients with the digits that the thesis prints."""
+    above, below = [f"{c:g}" for c in entry["numerator"]], [f"{c:g}" for c in entry["denominator"][1:]]
+    delay = f"{1e3 * entry['delay_s']:g}" if "delay_s" in entry else ""
+    return (*above, *[""] * (2 - len(above)), *below, *[""] * (4 - len(below)), delay)
 
 
 def poles_table(results: StudyResults) -> TableBlock:
@@ -211,7 +211,7 @@ def controllers_section(material: Material) -> Section:
                 "the rule as it was "
                 "published divides by the gain. Both are shown."
             ),
-            TableBlock(caption="Gains", columns=columns, rows=rows, id="gains"),
+            TableBlock(caption="Gains", columns=columns, rows=rows),
             Callout(kind=CalloutKind.FINDING, title="Fine tuning", blocks=(ItemList(items=tuned),)),
             *figures(material, "5.3", "5.1", "5.2", "5.4", "5.6", "5.5", "5.7"),
         ),
@@ -254,7 +254,7 @@ def loops_section(material: Material) -> Section:
                 "is limited; the "
                 "linear models have no limits, and their delay is simulated, not approximated."
             ),
-            TableBlock(caption="Closed loops", columns=columns, rows=tuple(_loop_cells(row) for row in results.loops.rows), id="loops"),
+            TableBlock(caption="Closed loops", columns=columns, rows=tuple(_loop_cells(row) for row in results.loops.rows)),
             Callout(kind=CalloutKind.CAUTION, title=_lesson(results)),
             *figures(material, "5.9", "5.10", "5.11", "5.12", "5.13", "5.14", "5.15"),
         ),
@@ -307,9 +307,7 @@ def errors_section(material: Material) -> Section:
                 "The delay pays where things are fast: right after a step and at high frequency G2d is the better model, later and at low "
                 f"frequency G2.{equal}"
             ),
-            TableBlock(
-                caption="Errors of the speed", columns=columns, rows=tuple(rows), id="errors", notes=("Sinusoids are judged once settled.",)
-            ),
+            TableBlock(caption="Errors of the speed", columns=columns, rows=tuple(rows), notes=("Sinusoids are judged once settled.",)),
             *figures(material, "6.2", "6.3", "6.4", "6.5"),
         ),
     )

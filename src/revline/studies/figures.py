@@ -16,7 +16,7 @@ from revline.engine.lee1995 import EngineParameters, lee1995_parameters
 from revline.errors import NotSettledError
 from revline.lti.response import FrequencyResponse
 from revline.report.bode import BodeTrace, ErrorTrace, plot_bode, plot_closed_loop_bode, plot_phase_line, plot_response_errors
-from revline.report.curves import View, plot_curves
+from revline.report.curves import View, plot_curves, plot_curves_with_detail
 from revline.report.loops import LoopTrace, plot_loop
 from revline.report.notes import Note
 from revline.report.parts import Curve, Level
@@ -272,7 +272,15 @@ def _errors(results: StudyResults) -> dict[str, FigureCall]:
 
     step, *sines = results.errors.records
     calls = {
-        "6.2": _call(plot_curves, error_curves(step), TIME, ERROR, levels=[Level(0.0)], view=View(x=(0.4, 2.5))),
+        "6.2": _call(
+            plot_curves_with_detail,
+            error_curves(step),
+            TIME,
+            ERROR,
+            levels=[Level(0.0)],
+            view=View(x=(0.4, 2.5)),
+            detail=View(x=(step.start - 0.01, step.start + 0.15)),
+        ),
         "6.3": _call(plot_curves, [Curve(x=step.times, y=step.speed, look=PLANT)], TIME, Quantity("speed less its initial value", "rad/s")),
     }
     for number, record in zip(("6.4", "6.5"), sines, strict=False):

@@ -1,6 +1,7 @@
 """Running a study into a folder: numbers, tables, figures, report, results.json. Interrupted, it says so and goes on later."""
 
 import datetime as dt
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -116,7 +117,7 @@ def rebuild_report(folder: str | Path, report: Report = lambda _, __: None) -> S
 
 def find_warnings(config: StudyConfig, results: StudyResults) -> Iterator[str]:
     """What the reader of the results must know."""
-    yield from results.range.steady_map.warnings
+    yield from _map_warnings(results)
     trim = results.point.trim
     if not trim.stable:
         yield f"the operating point is unstable without control ({trim.unstable_count} roots in the right half-plane)"
@@ -127,6 +128,25 @@ def find_warnings(config: StudyConfig, results: StudyResults) -> Iterator[str]:
     for row in results.loops.rows:
         if row.plant == "engine" and row.run.is_stable and row.run.saturated_share > 0.5:
             yield f"{row.controller} holds the throttle at a limit for {100 * row.run.saturated_share:.0f} % of its run"
+
+
+def _map_warnings(results: StudyResults) -> Iterator[str]:
+    """Where the steady map begins, and what rests below; other warnings of the map as they are."""
+    steady = results.range.steady_map
+    below = [missing for missing in steady.missing if missing.value < steady.lowest]
+    if below:
+        rests = "; ".join(f"{missing.value:g} deg: {_left_out(missing.reason)}" for missing in below)
+        yield (
+            f"the steady map begins at {steady.lowest:.3f} deg, where the engine runs at {steady.boundaries[0].trim.output('engine_speed'):.4g}"
+            f" rad/s. Left out below, as no engine runs there: {rests}"
+        )
+    skipped = {missing.reason for missing in below}
+    yield from (text for text in steady.warnings if text not in skipped and not text.startswith("no steady state below"))
+
+
+def _left_out(reason: str) -> str:
+    found = re.search(r"left out: (?:a steady state at )?(.*?), below", reason)
+    return found.group(1).replace("engine_speed", "speed") if found else reason
 
 
 def figure_tasks(config: StudyConfig, results: StudyResults) -> tuple[FigureTask, ...]:
