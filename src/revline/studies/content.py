@@ -112,9 +112,7 @@ def _engine(material: Material) -> Section:
             ),
             Equation(source='dot(m)_"ai" = "MAX" cdot "PRI" cdot "TC"', id="2.1"),
             Equation(source='dot(P)_m = (R T_m)/(V_m) (dot(m)_"ai" - dot(m)_"ao")', id="2.8"),
-            Equation(
-                source='T_i (t) = C_T cdot [(dot(m)_"ao" "AFI")/(omega_e)](t - 5.48/(omega_e)) cdot "SI"(t - 1.30/(omega_e))', id="2.15"
-            ),
+            Equation(source=f'T_i (t) = C_T cdot [(dot(m)_"ao" "AFI")/(omega_e)]{lag(intake)} cdot "SI"{lag(spark)}', id="2.15"),
             Equation(source="J_e dot(omega)_e = T_i - T_f - T_L", id="2.17"),
             Paragraph("The four influences below are the engine's static nonlinearities."),
             *figures(material, "3.2", "3.3", "3.4", "3.5"),
