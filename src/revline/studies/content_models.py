@@ -25,6 +25,11 @@ THESIS_NAMES = (
 )
 RIGHT = Align.RIGHT
 
+TABLE_NOTE = (
+    "Ours is fitted to the response computed here, Table 4.1 to the thesis's own response; print is what the thesis prints, its digits "
+    "truncated. Numerators in rad/s per deg of throttle."
+)
+
 
 def _column(heading: str, unit: str = "", group: str = "") -> Column:
     return Column(heading=heading, unit=unit, align=RIGHT, group=group)
@@ -133,12 +138,7 @@ def models_table(results: StudyResults) -> TableBlock:
         columns=columns,
         rows=tuple(rows),
         id="4.2",
-        notes=(
-            "Ours is fitted to the response computed here, Table 4.1 to the thesis's own response; print is what the thesis prints, its "
-            "digits truncated. Numerators in rad/s per deg of throttle.",
-        )
-        if printed
-        else (),
+        notes=(TABLE_NOTE,) if printed else (),
     )
 
 
