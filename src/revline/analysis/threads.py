@@ -6,21 +6,21 @@ from typing import TypeVar
 
 from revline.errors import out_of_range
 
-Item = TypeVar("Item")
-Outcome = TypeVar("Outcome")
+T = TypeVar("T")
+R = TypeVar("R")
 
 Progress = Callable[[float], None]
 """Told from time to time which part of the runs is done, 0 to 1."""
 
 
 def run_all(
-    task: Callable[[Item], Outcome],
-    items: Sequence[Item],
-    cost: Callable[[Item], float],
+    task: Callable[[T], R],
+    items: Sequence[T],
+    cost: Callable[[T], float],
     *,
     workers: int,
     progress: Progress | None = None,
-) -> list[Outcome]:
+) -> list[R]:
     """Run a task for each item, the dearest first, and give the outcomes in the order of the items.
 
     Args:
@@ -41,7 +41,7 @@ def run_all(
     order = sorted(range(len(items)), key=lambda k: -cost(items[k]))
     pool = ThreadPoolExecutor(max_workers=workers)
     try:
-        futures: dict[int, Future[Outcome]] = {k: pool.submit(task, items[k]) for k in order}
+        futures: dict[int, Future[R]] = {k: pool.submit(task, items[k]) for k in order}
         for done, future in enumerate(as_completed(futures.values()), start=1):
             future.result()
             if progress is not None:

@@ -136,9 +136,10 @@ def _map_warnings(results: StudyResults) -> Iterator[str]:
     below = [missing for missing in steady.missing if missing.value < steady.lowest]
     if below:
         rests = "; ".join(f"{missing.value:g} deg: {_left_out(missing.reason)}" for missing in below)
+        speed = min(trim.output("engine_speed") for trim in steady.trims)
         yield (
-            f"the steady map begins at {steady.lowest:.3f} deg, where the engine runs at {steady.boundaries[0].trim.output('engine_speed'):.4g}"
-            f" rad/s. Left out below, as no engine runs there: {rests}"
+            f"the steady map begins at {steady.lowest:.3f} deg (lowest speed shown {speed:.4g} rad/s); "
+            f"left out below, as no engine runs there: {rests}"
         )
     skipped = {missing.reason for missing in below}
     yield from (text for text in steady.warnings if text not in skipped and not text.startswith("no steady state below"))
