@@ -101,7 +101,7 @@ class Fraction:
 class Root:
     """A square root."""
 
-    body: "Node"
+    body: "Row"
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +109,7 @@ class Accented:
     """A symbol under a dot, a hat, a bar or a tilde."""
 
     mark: str
-    body: "Node"
+    body: "Row"
 
 
 @dataclass(frozen=True, slots=True)
