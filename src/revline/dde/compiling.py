@@ -8,11 +8,12 @@ import functools
 import hashlib
 import sys
 from collections.abc import Callable, Mapping
-from types import ModuleType, SimpleNamespace
+from enum import Enum
+from types import FunctionType, ModuleType, SimpleNamespace
 from typing import Any
 
 import numba
-from numba.extending import register_jitable
+from numba.extending import overload
 
 from revline.dde import memory
 from revline.equations import equation_digest, reached_functions
@@ -31,14 +32,14 @@ def compile_kernel(make_loop: Callable[[Any], Kernel], parts: Mapping[str, Part]
         layout: text that stands for the types which the parts are compiled for.
     """
     inlined = reached_functions(*equations)
+    intrinsics = [entry.__wrapped__ for entry in vars(memory).values() if hasattr(entry, "__wrapped__")]
+    digest = equation_digest(make_loop(SimpleNamespace(**parts)), *parts.values(), *intrinsics, _register.__wrapped__)
+    name = f"kernel_{hashlib.sha256(f'{digest} {layout}'.encode()).hexdigest()[:16]}"
     for function in inlined:
-        _register_inline(function)
+        _register(function, equation_digest(function), Inlining.FORCED)
     for function in reached_functions(make_loop(SimpleNamespace(**parts)), *parts.values()):
         if function not in inlined:
-            _register(function)
-    intrinsics = [entry.__wrapped__ for entry in vars(memory).values() if hasattr(entry, "__wrapped__")]
-    digest = equation_digest(make_loop(SimpleNamespace(**parts)), *parts.values(), *intrinsics)
-    name = f"kernel_{hashlib.sha256(f'{digest} {layout}'.encode()).hexdigest()[:16]}"
+            _register(function, name if function in parts.values() else equation_digest(function), Inlining.FREE)
     module = ModuleType(f"{__name__}.{name}")  # known by this name to the cache: it stands for all that the loop computes with
     vars(module).update(parts)
     sys.modules[module.__name__] = module
@@ -49,13 +50,30 @@ def compile_kernel(make_loop: Callable[[Any], Kernel], parts: Mapping[str, Part]
     return compiled
 
 
-@functools.cache
-def _register(function: Part) -> Part:
-    """Let compiled code call a plain function; once per function."""
-    return register_jitable(no_cfunc_wrapper=True)(function)
+class Inlining(Enum):
+    """Whether a function must become part of who calls it."""
+
+    FORCED = "forced"
+    FREE = "free"
 
 
 @functools.cache
-def _register_inline(function: Part) -> Part:
-    """The same, for functions that become part of who calls them."""
-    return register_jitable(no_cfunc_wrapper=True, forceinline=True)(function)
+def _register(function: Part, digest: str, inlining: Inlining) -> Part:
+    """Let compiled code call a plain function, under a name that no other function has; once per function.
+
+    The linker knows functions by name alone. Two of one name, compiled by different processes, would be taken for one another where both
+    come from the disk.
+    """
+    named = FunctionType(function.__code__, function.__globals__, function.__name__, function.__defaults__, function.__closure__)
+    named.__kwdefaults__ = function.__kwdefaults__
+    named.__module__ = function.__module__
+    named.__qualname__ = f"{function.__qualname__}_{digest}"
+    options: dict[str, Any] = {"no_cfunc_wrapper": True}
+    if inlining is Inlining.FORCED:
+        options["forceinline"] = True
+
+    @overload(function, jit_options=options, strict=False)
+    def implement(*_: Any, **__: Any) -> Part:
+        return named
+
+    return function
