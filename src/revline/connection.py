@@ -107,8 +107,8 @@ class _Layout:
 
     @property
     def placeholders(self) -> Vector:
-        """A value inside the range of each input; not 0 where it can be avoided, as an equation may divide by its input."""
-        return tuple(float(v.nominal or min(max(1.0, v.low), v.high)) for system in self.systems for v in system.inputs)
+        """A value inside each input's range: not 0, as an equation may divide by it; not the nominal one, or each would need a kernel."""
+        return tuple(float(min(max(1.0, v.low), v.high)) for system in self.systems for v in system.inputs)
 
     @property
     def width(self) -> int:

@@ -4,7 +4,6 @@ import inspect
 import os
 import subprocess
 import sys
-import time
 import warnings
 from pathlib import Path
 from typing import Any, get_args
@@ -174,21 +173,16 @@ def test_a_full_disk_is_told_in_a_line() -> None:
 
 
 @pytest.mark.parametrize("arguments", [("--help",), ("loop", "--help"), ("--version",)])
-def test_help_and_version_are_quick_and_load_nothing_heavy(arguments: tuple[str, ...]) -> None:
+def test_help_and_version_load_nothing_heavy(arguments: tuple[str, ...]) -> None:
     heavy = ("numba", "numpy", "scipy", "matplotlib", "rich.table")
     program = (
         "import sys\nfrom revline.cli import run\n"
         f"status = run({list(arguments)!r})\n"
         f"sys.exit(status or ' '.join(name for name in {heavy!r} if name in sys.modules))"
     )
-    times = []
-    for _ in range(3):
-        begun = time.perf_counter()
-        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env={"PYTHONPATH": SOURCE}, check=False)  # noqa: S603 - our own program
-        times.append(time.perf_counter() - begun)
-        assert done.stderr.strip() == ""
-        assert "revline" in done.stdout
-    assert min(times) < 0.5
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env={"PYTHONPATH": SOURCE}, check=False)  # noqa: S603 - our own program
+    assert done.stderr.strip() == ""
+    assert "revline" in done.stdout
 
 
 def test_completion_is_offered_for_engines_and_rules(revline: Command, monkeypatch: pytest.MonkeyPatch) -> None:
