@@ -10,6 +10,7 @@ from revline.report.blocks import Check
 MINUS = "\u2212"
 THIN = "\u202f"
 """A narrow space that does not break."""
+NO_BREAK = "\u00a0"
 
 _SUPERSCRIPTS = MappingProxyType(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 _LARGEST_PLAIN = 6
@@ -68,11 +69,11 @@ def format_unit(unit: str) -> str:
         unit: as in `revline.units`, such as "kg m2" or "1".
 
     Returns:
-        For example "kg m²", with a narrow space.
+        For example "kg m²", with a space that does not break.
     """
     if unit in {"", "1"}:
         return ""
-    return _POWER.sub(lambda found: found[1].translate(_SUPERSCRIPTS), unit).replace(" ", THIN)
+    return _POWER.sub(lambda found: found[1].translate(_SUPERSCRIPTS), unit).replace(" ", NO_BREAK)
 
 
 def deviation_percent(measured: float, reference: float) -> float:

@@ -12,7 +12,7 @@ from revline.errors import InvalidInputError
 from revline.report.blocks import Align, CellMark, Column, TableBlock, Tone
 from revline.report.files import write_whole
 from revline.report.inline import Text
-from revline.report.numbers import deviation_percent, format_decimals, format_number
+from revline.report.numbers import deviation_percent, format_decimals, format_number, format_unit
 
 Value = float | int | str | bool | None
 """A cell: a number, a word, yes or no, or nothing where the quantity does not exist."""
@@ -210,7 +210,7 @@ def comparison_table(
         if limit_percent is not None and abs(deviation) > limit_percent
     )
     block = table.as_block(caption, id=id, marks=beyond)
-    named = tuple((row.shown or row.quantity, *cells[1:]) for row, cells in zip(compared, block.rows, strict=True))
+    named = tuple((row.shown or row.quantity, format_unit(row.unit), *cells[2:]) for row, cells in zip(compared, block.rows, strict=True))
     return table, TableBlock(caption=caption, id=id, columns=block.columns, rows=named, marks=beyond)
 
 
