@@ -6,7 +6,8 @@ from revline.report.inline import legible
 from revline.report.mathematics import Accented, Fenced, Fraction, Kind, Node, Root, Row, Scripts, Symbol
 
 _TAGS = ((Kind.IDENTIFIER, "mi"), (Kind.NUMBER, "mn"), (Kind.OPERATOR, "mo"), (Kind.FUNCTION, "mi"), (Kind.TEXT, "mtext"))
-_LIMITS = frozenset({"\u2211", "lim", "min", "max"})
+_SUM = "\u2211"
+_LIMITS = frozenset({_SUM, "lim", "min", "max"})
 _SIGNED = frozenset({"\u2212", "+", "\u00b1"})
 _AFTER_OPERAND = frozenset({"!", "\u2032", "\u00b0", "\u221e"})
 _APPLY = "<mo>\u2061</mo>"
@@ -67,8 +68,24 @@ def _node(node: Node) -> str:
 
 
 def _fenced(node: Fenced) -> str:
-    opening = f'<mo form="prefix" fence="true" stretchy="true">{node.opening}</mo>'
-    return f'<mrow>{opening}{_row(node.body)}<mo form="postfix" fence="true" stretchy="true">{node.closing}</mo></mrow>'
+    """Brackets; they stretch about tall bodies only, as some browsers give stretched ones room that short ones should not have."""
+    stretchy = "true" if _is_tall(node.body) else "false"
+    opening = f'<mo form="prefix" stretchy="{stretchy}">{node.opening}</mo>'
+    return f'<mrow>{opening}{_row(node.body)}<mo form="postfix" stretchy="{stretchy}">{node.closing}</mo></mrow>'
+
+
+def _is_tall(node: Node | None) -> bool:
+    match node:
+        case Fraction():
+            return True
+        case Row():
+            return any(_is_tall(item) for item in node.items)
+        case Scripts():
+            return _is_tall(node.base)
+        case Fenced() | Root() | Accented():
+            return _is_tall(node.body)
+        case _:
+            return isinstance(node, Symbol) and node.text == _SUM
 
 
 def _scripts(node: Scripts) -> str:
