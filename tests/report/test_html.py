@@ -10,7 +10,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from revline.errors import InvalidInputError
@@ -165,6 +165,7 @@ def test_an_empty_document_is_a_page() -> None:
 PLAIN = Page(render_html(hostile("word"))).tags
 
 
+@settings(max_examples=60, deadline=None)
 @given(st.text(st.characters(), max_size=20) | st.text(st.sampled_from("<>&\"'`={}%#/!-\\ \n\0ascript"), max_size=20))
 def test_no_text_becomes_markup(text: str) -> None:
     page = Page(render_html(hostile(text)))

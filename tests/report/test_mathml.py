@@ -39,6 +39,8 @@ def inside(source: str) -> str:
         ("a - b", "<mi>a</mi><mo>\u2212</mo><mi>b</mi>"),
         ("-b", '<mo form="prefix">\u2212</mo><mi>b</mi>'),
         ("= -b", '<mo>=</mo><mo form="prefix">\u2212</mo><mi>b</mi>'),
+        ('"+"', "<mtext>+</mtext>"),
+        ('"lim"_k', "<msub><mtext>lim</mtext><mi>k</mi></msub>"),
         ("x' - b", "<mi>x</mi><mo>\u2032</mo><mo>\u2212</mo><mi>b</mi>"),
     ],
 )
@@ -49,7 +51,7 @@ def test_each_part_has_its_element(source: str, written: str) -> None:
 def test_brackets_stretch_about_what_is_tall_only() -> None:
     for tall in ("(a/b)", "(x (a/b))", "(sqrt(a/b))", "(sum_k k)", "(dot(a/b))"):
         assert inside(tall).startswith('<mrow><mo form="prefix" stretchy="true">(</mo>')
-    for short in ("(t)", "(x_(a/b))", "(dot(x))"):
+    for short in ("(t)", "(x_(a/b))", "(dot(x))", "(min x)"):
         assert inside(short).startswith('<mrow><mo form="prefix" stretchy="false">(</mo>')
 
 

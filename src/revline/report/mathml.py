@@ -6,8 +6,8 @@ from revline.report.inline import legible
 from revline.report.mathematics import Accented, Fenced, Fraction, Kind, Node, Root, Row, Scripts, Symbol
 
 _TAGS = ((Kind.IDENTIFIER, "mi"), (Kind.NUMBER, "mn"), (Kind.OPERATOR, "mo"), (Kind.FUNCTION, "mi"), (Kind.TEXT, "mtext"))
-_SUM = "\u2211"
-_LIMITS = frozenset({_SUM, "lim", "min", "max"})
+_TALL = frozenset({"\u2211", "\u222b"})
+_LIMITS = frozenset({"\u2211", "lim", "min", "max"})
 _SIGNED = frozenset({"\u2212", "+", "\u00b1"})
 _AFTER_OPERAND = frozenset({"!", "\u2032", "\u00b0", "\u221e"})
 _APPLY = "<mo>\u2061</mo>"
@@ -29,14 +29,19 @@ def _row(row: Row) -> str:
     previous: Node | None = None
     parts = []
     for place, item in enumerate(row.items):
-        if isinstance(item, Symbol) and item.text in _SIGNED and _starts_operand(previous):
-            parts.append(f'<mo form="prefix">{item.text}</mo>')
+        if _is_sign(item, _SIGNED) and _starts_operand(previous):
+            parts.append(_node(item).replace("<mo>", '<mo form="prefix">'))
         else:
             parts.append(_node(item))
         if _is_function(item) and place + 1 < len(row.items):
             parts.append(_APPLY if isinstance(row.items[place + 1], Fenced) else _APPLY + _THIN)
         previous = item
     return f"<mrow>{''.join(parts)}</mrow>"
+
+
+def _is_sign(node: Node | None, signs: frozenset[str]) -> bool:
+    """Whether a node is one of some operators or functions; words in quotes never are."""
+    return isinstance(node, Symbol) and node.kind in {Kind.OPERATOR, Kind.FUNCTION} and node.text in signs
 
 
 def _starts_operand(previous: Node | None) -> bool:
@@ -85,11 +90,11 @@ def _is_tall(node: Node | None) -> bool:
         case Fenced() | Root() | Accented():
             return _is_tall(node.body)
         case _:
-            return isinstance(node, Symbol) and node.text == _SUM
+            return _is_sign(node, _TALL)
 
 
 def _scripts(node: Scripts) -> str:
-    limits = isinstance(node.base, Symbol) and node.base.text in _LIMITS
+    limits = _is_sign(node.base, _LIMITS)
     base = _node(node.base)
     parts: tuple[Node, ...]
     if node.below is None and node.above is not None:
