@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple, TextIO
 import typer
 
 from revline import __version__
-from revline.cli import engine_commands, loop_command, model_commands, response_command, study_commands
+from revline.cli import engine_commands, loop_command, model_commands, response_command, simulate_command, study_commands
 from revline.cli.shell import say
 from revline.errors import RevlineError
 
@@ -35,6 +35,12 @@ class Entry(NamedTuple):
 COMMANDS = (
     Entry(
         "engines", engine_commands.engines, "List the engines, or print one's parameter file.", "revline engines lee1995 > my_engine.toml"
+    ),
+    Entry(
+        "simulate",
+        simulate_command.simulate,
+        "An engine in time, under an input.",
+        "revline simulate --throttle 25 --input step:5@0.5 --until 5 --out run.csv",
     ),
     Entry("trim", engine_commands.trim, "Steady operating point at a throttle or a speed.", "revline trim --throttle 25"),
     Entry("map", engine_commands.steady_map, "Steady states over the throttle.", "revline map --from 4 --to 60 --points 57 --out map.csv"),
