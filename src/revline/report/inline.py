@@ -83,7 +83,7 @@ _NODES: Mapping[str, Callable[[str], Inline]] = MappingProxyType(
 
 
 def marked(source: str) -> tuple[Inline, ...]:
-    r"""Read light markup: `*emphasis*`, `**strong**`, `` `code` ``, `$formula$`, `[words](#anchor)`, `[](#anchor)`.
+    r"""Read light markup: stars for emphasis, two for strong, backticks for code, dollars for formulas, and links to anchors.
 
     A backslash makes the sign after it literal. For text that comes from elsewhere, such as a file's name, give a plain `str` or
     a node instead: those are never read for marks.
