@@ -9,6 +9,7 @@ program, where of two functions of one name only the first would ever run.
 import contextlib
 import functools
 import hashlib
+import pkgutil
 import re
 import sys
 import warnings
@@ -25,7 +26,6 @@ import numpy as np
 from numba.core.errors import NumbaError
 from numba.extending import overload
 
-from revline.dde import memory
 from revline.equations import equation_digest, reached_functions
 from revline.errors import InvalidInputError
 
@@ -64,8 +64,7 @@ def compile_kernel(make_loop: Callable[[Any], Kernel], parts: Mapping[str, Part]
         InvalidInputError: an equation does what the compiler does not know.
     """
     draft = make_loop(SimpleNamespace(**parts))
-    intrinsics = [entry.__wrapped__ for entry in vars(memory).values() if hasattr(entry, "__wrapped__")]
-    name = _short(f"{equation_digest(draft, *parts.values(), *intrinsics, compile_kernel, _register.__wrapped__)} {layout.parameters}")
+    name = _short(f"{equation_digest(draft, *parts.values())} {layout.parameters} {_recipe()}")
     inlined = frozenset(reached_functions(*equations))
     own = frozenset(parts.values())
     for function in reached_functions(draft, *parts.values()):
@@ -146,6 +145,13 @@ def _register(function: FunctionType, tag: str, inlined: bool) -> None:  # noqa:
 
     options: Any = {"no_cfunc_wrapper": True, "forceinline": inlined}
     overload(function, jit_options=options, strict=False)(implement)
+
+
+@functools.cache
+def _recipe() -> str:
+    """Digest of how kernels are compiled: what no equation reaches."""
+    sources = (pkgutil.get_data(__package__, name) or b"" for name in ("compiling.py", "memory.py"))
+    return _short(repr(tuple(sources)))
 
 
 def _short(text: str) -> str:
