@@ -34,8 +34,9 @@ architecture: .venv/.dev ## Check the layers.
 docs: .venv/.dev ## Build the documentation into docs/_build/html.
 	$(BIN)/python -m sphinx -n -W --keep-going -q -b html docs docs/_build/html
 
-acceptance: .venv/.dev ## Check the study in ./out against published and converged values.
+acceptance: .venv/.dev ## Check the study in ./out and every command against published and converged values.
 	$(BIN)/python tests/acceptance/check_study.py $(OUT)
+	$(BIN)/python tests/acceptance/check_commands.py $(BIN)/revline --self-test
 
 bench: .venv/.dev ## Measure speed; see benchmarks/.
 	$(BIN)/python -m pytest benchmarks --benchmark-enable --benchmark-only

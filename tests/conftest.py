@@ -1,11 +1,15 @@
-"""What holds for all tests."""
+"""What holds for all tests: properties are not timed, for machines are busy, and a session builds few kernels."""
 
 import sys
 from collections.abc import Iterator
 
 import pytest
+from hypothesis import settings
 
-MOST_KERNELS = 14
+settings.register_profile("untimed", deadline=None)
+settings.load_profile("untimed")
+
+MOST_KERNELS = 40
 """Kernels that one session may build: each costs seconds where the cache is cold. Parameters and inputs need no new ones."""
 
 

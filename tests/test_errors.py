@@ -3,7 +3,7 @@ import inspect
 import pytest
 
 from revline import errors
-from revline.errors import AnalysisError, InvalidInputError, RevlineError, out_of_range, suggestion
+from revline.errors import AnalysisError, InvalidInputError, RevlineError, StepError, out_of_range, suggestion
 
 ALL = [entry for _, entry in inspect.getmembers(errors, inspect.isclass) if entry.__module__ == errors.__name__]
 
@@ -11,7 +11,7 @@ ALL = [entry for _, entry in inspect.getmembers(errors, inspect.isclass) if entr
 @pytest.mark.parametrize("error", ALL, ids=lambda error: error.__name__)
 def test_the_family_decides_the_exit_status(error: type[RevlineError]) -> None:
     assert issubclass(error, RevlineError)
-    assert error.exit_status == (2 if issubclass(error, InvalidInputError) else 1)
+    assert error.exit_status == (2 if issubclass(error, InvalidInputError | StepError) else 1)
     assert error is RevlineError or issubclass(error, AnalysisError) != issubclass(error, InvalidInputError)
     assert error.__doc__
 

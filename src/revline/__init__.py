@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         RevlineError,
         SimulationError,
         StalledError,
+        StepError,
     )
     from revline.system import DelaySystem, Plant, Variable
     from revline.units import rpm_to_speed, speed_to_rpm
@@ -41,6 +42,7 @@ __all__ = (
     "RevlineError",
     "SimulationError",
     "StalledError",
+    "StepError",
     "Variable",
     "equation",
     "lee1995",
@@ -66,6 +68,7 @@ _HOMES = MappingProxyType(
             "RevlineError",
             "SimulationError",
             "StalledError",
+            "StepError",
         ),
         "revline.system": ("DelaySystem", "Plant", "Variable"),
         "revline.units": ("rpm_to_speed", "speed_to_rpm"),

@@ -1,7 +1,8 @@
 """Every error that revline raises on purpose, on one page.
 
 Each message names the quantity, its value with unit, the limit, and what to do; the numbers stand in `details` too.
-Two families decide the exit status of the command line: wrong input (2) and an analysis that could not be completed (1).
+Two families decide the exit status of the command line: wrong input (2) and an analysis that could not be completed (1);
+a step that turns out too long during a run is wrong input too.
 """
 
 import difflib
@@ -51,6 +52,12 @@ class StalledError(SimulationError):
 
 class LagError(SimulationError):
     """A lag fell to the step or below, is not finite, or the delayed time ran backwards."""
+
+
+class StepError(LagError):
+    """The step given is longer than a lag that the run comes to: wrong input, found only under way."""
+
+    exit_status: ClassVar[int] = 2
 
 
 class DivergedError(SimulationError):

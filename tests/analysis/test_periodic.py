@@ -11,6 +11,7 @@ from revline.analysis.periodic import (
     Excitation,
     PeriodicAnswer,
     RunSettings,
+    SettlingWatch,
     check_excitation,
     continue_periodic,
     plan_mesh,
@@ -42,6 +43,71 @@ def test_the_settled_answer_is_exact_and_its_estimated_error_covers_the_true_one
     value = read_fourier(answer.moved, answer.answered).value
     assert answer.remaining < 1e-6
     assert abs(value / exact(omega) - 1.0) < 2.0 * answer.remaining + 2e-7
+
+
+@pytest.mark.parametrize(("omega", "tolerance"), [(11.0, 1e-3), (30.0, 1e-4), (80.0, 1e-5), (200.0, 1e-3)])
+def test_the_estimated_error_bounds_that_of_the_waveform(wiener: DelaySystem, trim: Trim, omega: float, tolerance: float) -> None:
+    """Of one mode the estimate is the error a period before the window, at most 1 / 0.15 times that in the window here."""
+    mesh = plan_mesh(omega, trim, RunSettings())
+    answer = run_until_periodic(wiener, trim, STRAIGHT, replace(mesh, first=mesh.block), tolerance=tolerance)
+    count = answer.answered.size
+    angle = 2.0 * math.pi * (answer.cycles + np.arange(1 - count, 1) / answer.mesh.samples)
+    settled = 0.5 + 0.25 * (exact(omega) * np.exp(1j * angle)).imag
+    error = float(np.max(np.abs(answer.answered.ravel() - settled))) / (0.25 * abs(exact(omega)))
+    assert 0.1 * answer.remaining < error < 1.1 * answer.remaining < 1.1 * tolerance
+
+
+SLOW = 0.99
+"""Factor per period of a transient of 1e-3 that stands behind a large and fast one."""
+
+
+def watch_modes(fast: float, decay: float) -> list[SettlingWatch]:
+    """Look every 8 periods at a sinusoid with two transients."""
+    count, looks = 64, 45
+    periods = np.arange(count * 8 * (looks + 1)) / count
+    outputs = np.sin(2.0 * math.pi * periods) + fast**periods + 1e-3 * SLOW**periods
+    watch = SettlingWatch(period=count, block=8 * count, tolerance=1e-4, decay=decay)
+    found = []
+    for k in range(looks):
+        watch = watch.look(outputs[: count * 8 * (k + 2)])
+        found.append(watch)
+    return found
+
+
+def left_after(look: int) -> float:
+    return 1e-3 * SLOW ** (8.0 * (look + 1))
+
+
+@pytest.mark.parametrize(("fast", "decay"), [(0.3, 0.0), (0.5, SLOW), (0.3, SLOW)])
+def test_a_slow_small_mode_behind_a_fast_large_one_is_not_overlooked(fast: float, decay: float) -> None:
+    seen = watch_modes(fast, decay)
+    last = next(k for k, watch in enumerate(seen) if watch.settled)
+    assert left_after(last) < 1.1 * seen[last].remaining < 1.1e-4
+    assert left_after(last) > 0.8e-4
+
+
+def test_one_look_alone_would_overlook_it() -> None:
+    """Negative control for two estimates in a row: one passes while the error left is eight times the tolerance."""
+    first = next(k for k, watch in enumerate(watch_modes(0.3, 0.0)) if watch.remaining < 1e-4)
+    assert left_after(first) > 5e-4
+
+
+def test_without_the_slowest_mode_known_it_may_be_overlooked() -> None:
+    """Negative control for the least factor: both estimates mix the two modes."""
+    last = next(k for k, watch in enumerate(watch_modes(0.5, 0.0)) if watch.settled)
+    assert left_after(last) > 5e-4
+
+
+def test_what_rounding_leaves_is_settled_and_what_grows_is_not() -> None:
+    angle = 2.0 * math.pi * np.arange(640) / 64.0
+    watch = SettlingWatch(period=64, block=64, tolerance=1e-9, decay=0.0)
+    for end in (128, 192):
+        watch = watch.look(np.sin(angle[:end]))
+    assert watch.settled
+    grown = SettlingWatch(period=64, block=64, tolerance=0.9, decay=0.0)
+    for end in range(128, 641, 64):
+        grown = grown.look((np.sin(angle) + 1e-3 * 1.3 ** (angle / 6.0))[:end])
+        assert not grown.settled
 
 
 @pytest.mark.parametrize("omega", [11.0, 15.0, 20.0])
@@ -108,10 +174,10 @@ def test_amplitudes_not_above_zero_are_refused(amplitude: float) -> None:
         Excitation(input_name="force", output_name="straight", amplitude=amplitude)
 
 
-@pytest.mark.parametrize("name", ["max_step", "longest", "tolerance", "step_tolerance"])
+@pytest.mark.parametrize("name", ["max_step", "longest", "tolerance", "step_tolerance", "cycles"])
 def test_settings_out_of_range_are_refused(name: str) -> None:
     with pytest.raises(InvalidInputError, match=f"{name} = 0 .* is outside"):
-        RunSettings(**{name: 0.0})
+        replace(RunSettings(), **{name: 0})
 
 
 def test_a_sinusoid_that_leaves_the_inputs_range_is_refused(wiener: DelaySystem, trim: Trim) -> None:

@@ -188,7 +188,7 @@ def find_mutable_globals(module: ModuleType, *, allowed: frozenset[str] = frozen
 
 def allowed_in(path: Path) -> frozenset[str]:
     """The command line's `app` is the one value at module level that commands are added to."""
-    return APP if path.relative_to(ROOT / "src" / "revline").as_posix() == "cli.py" else frozenset()
+    return APP if path.relative_to(ROOT / "src" / "revline").as_posix() == "cli/__init__.py" else frozenset()
 
 
 def relative(path: Path) -> str:

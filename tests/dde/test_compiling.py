@@ -48,24 +48,27 @@ def emit(p, x, u, zd):
 def lags(p, x, u, zd):
     return (0.5,)
 
-@equation
-def rate(p, x, u, zd):
-    return p.gain * doubled(zd[0]) + x[1] * x[1], 1.0
-
 def variable(name):
     return Variable(name=name, unit="m")
 
-model = DelaySystem(name="model", parameters=Gain(1.0), states=(variable("x"), variable("t")), inputs=(), channels=(variable("z"),),
-                    outputs=(variable("y"),), emit=emit, lags=lags, rate=rate, output=emit)
+def build(target):
+    @equation
+    def rate(p, x, u, zd):
+        return target * p.gain * doubled(zd[0]) + x[1] * x[1], 1.0
+
+    return DelaySystem(name="model", parameters=Gain(1.0), states=(variable("x"), variable("t")), inputs=(), channels=(variable("z"),),
+                       outputs=(variable("y"),), emit=emit, lags=lags, rate=rate, output=emit)
+
 start = Start(states=np.array([1.0, 0.0]), inputs=np.array([]))
 with warnings.catch_warnings(record=True) as caught:
     warnings.simplefilter("always")
-    for tableau in [{"HEUN": HEUN, "RK4": RK4}[name] for name in sys.argv[1:]]:
-        method = Method(tableau=tableau)
+    for word in sys.argv[1:]:
+        name, target = word.split("/")
+        model, method = build(float(target)), Method(tableau={"HEUN": HEUN, "RK4": RK4}[name])
         for _ in range(2):
             run = simulate(model, start, {}, until=0.4, step=0.1, options=Options(method=method))
         stats = getattr(build_kernel(model, method), "stats")
-        print(tableau.name, round(run.states[-1, 0], 6), "loaded" if sum(stats.cache_hits.values()) else "compiled")
+        print(word, round(run.states[-1, 0], 6), "loaded" if sum(stats.cache_hits.values()) else "compiled")
 for warning in caught:
     print(warning.category.__name__, warning.message)
 """
@@ -83,36 +86,52 @@ def folder(tmp_path: Path) -> Path:
     return write_model(tmp_path)
 
 
-def run_model(
-    folder: Path, *names: str, source: Path | None = None, obey: Callable[[], None] | None = None, **environment: str
-) -> list[str]:
-    """Run the model in a process of its own, and give its lines."""
+Process = subprocess.Popen[str]
+
+
+def start_model(
+    folder: Path, *words: str, source: Path | None = None, obey: Callable[[], None] | None = None, **environment: str
+) -> Process:
+    """Start the model in a process of its own, on pairs of a method and a factor of its rate."""
     paths = os.pathsep.join([str(folder), str(source or Path(revline.__file__).parents[1])])
     variables = {"PATH": os.environ["PATH"], "PYTHONPATH": paths, "PYTHONDONTWRITEBYTECODE": "1", "HOME": str(folder / "home")}
-    done = subprocess.run(  # noqa: S603 - our own program
-        [sys.executable, folder / "model.py", *names],
-        capture_output=True,
+    return subprocess.Popen(  # noqa: S603 - our own program
+        [sys.executable, folder / "model.py", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         text=True,
-        check=False,
         env={**variables, "NUMBA_CACHE_DIR": str(folder / "cache"), "NUMBA_OPT": "0", **environment},
         preexec_fn=obey,
     )
-    assert done.returncode == 0, done.stderr
-    return done.stdout.splitlines()
+
+
+def lines_of(process: Process) -> list[str]:
+    out, errors = process.communicate()
+    assert process.returncode == 0, errors
+    return out.splitlines()
+
+
+def run_model(folder: Path, *words: str, **how: Any) -> list[str]:
+    return lines_of(start_model(folder, *words, **how))
 
 
 @pytest.fixture(scope="module")
 def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The model with kernels of two methods on disk, compiled in two processes; their functions have the same names."""
+    """The model with kernels of two methods and two equations on disk, compiled by two processes at the same time.
+
+    Their functions have the same names and stand at the same places of their processes.
+    """
     folder = write_model(tmp_path_factory.mktemp("compiled"))
-    assert run_model(folder, "RK4") == ["RK4 1.821333 compiled"]
-    assert run_model(folder, "HEUN") == ["Heun 1.821852 compiled"]
+    first, second = start_model(folder, "RK4/1"), start_model(folder, "HEUN/3")
+    assert lines_of(first) == ["RK4/1 1.821333 compiled"]
+    assert lines_of(second) == ["HEUN/3 3.421852 compiled"]
     return folder
 
 
 def test_kernels_that_were_compiled_apart_do_not_mix_where_they_meet(compiled: Path) -> None:
-    assert run_model(compiled, "RK4", "HEUN") == ["RK4 1.821333 loaded", "Heun 1.821852 loaded"]
-    assert run_model(compiled, "HEUN", "RK4") == ["Heun 1.821852 loaded", "RK4 1.821333 loaded"]
+    loading = start_model(compiled, "RK4/1", "HEUN/3"), start_model(compiled, "HEUN/3", "RK4/1")
+    assert lines_of(loading[0]) == ["RK4/1 1.821333 loaded", "HEUN/3 3.421852 loaded"]
+    assert lines_of(loading[1]) == ["HEUN/3 3.421852 loaded", "RK4/1 1.821333 loaded"]
 
 
 def test_a_kernel_is_made_anew_when_an_equation_in_another_file_changes(compiled: Path) -> None:
@@ -120,17 +139,17 @@ def test_a_kernel_is_made_anew_when_an_equation_in_another_file_changes(compiled
     before = helper.stat()
     helper.write_text(HELPER.replace("2.0", "3.0"))
     os.utime(helper, ns=(before.st_atime_ns, before.st_mtime_ns))
-    assert run_model(compiled, "RK4") == ["RK4 2.221333 compiled"]
+    assert run_model(compiled, "RK4/1") == ["RK4/1 2.221333 compiled"]
     helper.write_text(HELPER)
-    assert run_model(compiled, "RK4") == ["RK4 1.821333 loaded"]
+    assert run_model(compiled, "RK4/1") == ["RK4/1 1.821333 loaded"]
 
 
 def test_damaged_files_are_made_anew(compiled: Path, folder: Path) -> None:
     shutil.copytree(compiled / "cache", folder / "cache")
     for file in (*folder.rglob("*.nbi"), *folder.rglob("*.nbc")):
         file.write_bytes(file.read_bytes()[:100])
-    assert run_model(folder, "RK4") == ["RK4 1.821333 compiled"]
-    assert run_model(folder, "RK4") == ["RK4 1.821333 loaded"]
+    assert run_model(folder, "RK4/1") == ["RK4/1 1.821333 compiled"]
+    assert run_model(folder, "RK4/1") == ["RK4/1 1.821333 loaded"]
 
 
 def obey_permissions() -> None:
@@ -151,12 +170,12 @@ def test_where_the_package_cannot_be_written_the_home_folder_is_used_else_no_cac
         place.chmod(0o555)
     try:
         options: dict[str, Any] = {"source": source, "obey": obey_permissions, "NUMBA_CACHE_DIR": str(closed[0])}
-        assert run_model(folder, "RK4", **options) == ["RK4 1.821333 compiled"]
-        assert run_model(folder, "RK4", **options) == ["RK4 1.821333 loaded"]
+        assert run_model(folder, "RK4/1", **options) == ["RK4/1 1.821333 compiled"]
+        assert run_model(folder, "RK4/1", **options) == ["RK4/1 1.821333 loaded"]
         assert list((folder / "home").rglob("*kernel_*.nbc"))
         without = {**options, "HOME": str(closed[0]), "XDG_CACHE_HOME": str(closed[0])}
-        value, warning = run_model(folder, "RK4", **without)
-        assert value == "RK4 1.821333 compiled"
+        value, warning = run_model(folder, "RK4/1", **without)
+        assert value == "RK4/1 1.821333 compiled"
         assert warning.startswith(
             "RuntimeWarning compiled kernels are not kept, so each start takes seconds: no folder for them can be written; "
         )

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from revline.errors import InvalidInputError
-from revline.io.atomic import write_atomically
+from revline.io.atomic import check_writable, write_atomically
 
 
 def test_a_file_is_written_and_replaced_whole(tmp_path: Path) -> None:
@@ -72,3 +72,24 @@ def test_impossible_places_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InvalidInputError, match=r"cannot be written: .*surrogates not allowed"):
         write_atomically(tmp_path / "a.json", "\udc80", "test file")
     assert not list(tmp_path.iterdir())
+
+
+def test_a_writable_place_passes_and_stays_as_it_was(tmp_path: Path) -> None:
+    check_writable(tmp_path / "new.csv", "table")
+    check_writable("/dev/null", "table")
+    assert list(tmp_path.iterdir()) == []
+    path = tmp_path / "old.csv"
+    path.write_text("kept")
+    check_writable(path, "table")
+    assert path.read_text() == "kept"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_place_that_cannot_be_written_is_refused_beforehand(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInputError, match=r"absent.a\.csv cannot be written: its folder .*absent does not exist; make it"):
+        check_writable(tmp_path / "absent" / "a.csv", "table")
+    with pytest.raises(InvalidInputError, match="it is a folder; name a file in it"):
+        check_writable(tmp_path, "table")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InvalidInputError, match="cannot be written: Not a directory"):
+        check_writable(tmp_path / "file" / "a.csv", "table")

@@ -191,6 +191,8 @@ def test_what_cannot_be_written_is_refused(tmp_path: Path) -> None:
         write_response(path, FrequencyResponse(omega=np.zeros(1), values=np.ones(1, dtype=complex)), amplitude=5.0)
     with pytest.raises(InvalidInputError, match="a magnitude of up to inf"):
         write_response(path, FrequencyResponse(omega=np.ones(1), values=np.full(1, 1e308 + 0j), output_unit="rad/s"), amplitude=5.0)
-    with pytest.raises(InvalidInputError, match=r"cannot write .*: No such file or directory; give a path in a folder that exists"):
+    with pytest.raises(
+        InvalidInputError, match=r"frequency response .* cannot be written: its folder .*absent does not exist; make it first"
+    ):
         write_response(tmp_path / "absent" / "response.csv", SOME, amplitude=5.0)
     assert not path.exists()

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.special import lambertw
 
@@ -170,6 +170,7 @@ def test_fast_unstable_state_beside_a_long_lag() -> None:
 
 
 @given(st.integers(0, 10_000))
+@example(305)  # a spurious candidate whose exp(-s lag) overflows
 @settings(max_examples=40, deadline=None)
 def test_listed_and_counted_agree_on_random_systems(seed: int) -> None:
     """The argument principle counts as many roots right of a line as collocation lists, on lines between the listed roots."""

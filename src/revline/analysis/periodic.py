@@ -5,7 +5,7 @@ the run goes on block by block until this is below a tolerance, instead of for a
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,8 +37,11 @@ MOST_STEPS = 100_000_000
 TOLERANCE = 1e-6
 """Part of the output's amplitude by which a settled waveform may still change, where none other is asked for."""
 
-ROUNDING = 1e-12
+ROUNDING = 1e-14
 """What rounding leaves of the difference between two periods, relative to the largest value of the output."""
+
+NO_ANSWER = 1e-12
+"""An amplitude below this part of the largest value of the output is none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,6 +75,7 @@ class RunSettings:
         tolerance: largest estimated part of the output's amplitude by which its waveform may still change.
         step_tolerance: largest estimated relative error of the fundamental by the step.
         longest: most simulated time in s; without it, 20 periods, 200 times the slowest time constant and 200 times all lags.
+        cycles: periods recorded for a spectrum after the answer has settled.
 
     Raises:
         InvalidInputError: a value is out of range.
@@ -81,8 +85,11 @@ class RunSettings:
     tolerance: float = TOLERANCE
     step_tolerance: float = 1e-6
     longest: float = math.inf
+    cycles: int = 8
 
     def __post_init__(self) -> None:
+        if self.cycles < 1:
+            raise out_of_range("cycles", self.cycles, "periods", "1 and above", "give the number of periods in a record")
         for name, value in (("max_step", self.max_step), ("longest", self.longest)):
             if not value > 0.0:
                 raise out_of_range(name, value, "s", "values above 0", "give a time in seconds")
@@ -102,6 +109,7 @@ class Mesh:
         block: steps between two looks at what has settled.
         first: steps before the first look, a period or more.
         most: steps after which the run is given up.
+        decay: factor by which the slowest mode of the linear model shrinks per period.
     """
 
     omega: float
@@ -110,6 +118,7 @@ class Mesh:
     block: int
     first: int
     most: int
+    decay: float
 
     @property
     def step(self) -> float:
@@ -124,12 +133,12 @@ class Mesh:
     def coarser(self) -> "Mesh":
         """Twice the step over the same times, half as many samples."""
         halves = {name: getattr(self, name) // 2 for name in ("count", "block", "first", "most")}
-        return Mesh(omega=self.omega, every=self.every, **halves)
+        return replace(self, **halves)
 
     def finer(self) -> "Mesh":
         """Half the step over the same times, twice as many samples."""
         doubled = {name: 2 * getattr(self, name) for name in ("count", "block", "first", "most")}
-        return Mesh(omega=self.omega, every=self.every, **doubled)
+        return replace(self, **doubled)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -222,7 +231,64 @@ def plan_mesh(omega: float, trim: Trim, settings: RunSettings) -> Mesh:
         block = count * math.ceil(slowest / period)
     first = block * math.ceil(max(1.0, 8.0 * slowest / period) * count / block)
     longest = min(settings.longest, 20.0 * period + 200.0 * slowest)
-    return Mesh(omega=omega, count=count, every=every, block=block, first=first, most=min(MOST_STEPS, int(longest / period * count)))
+    most = min(MOST_STEPS, int(longest / period * count))
+    decay = math.exp(trim.roots.spectral_abscissa * period)
+    return Mesh(omega=omega, count=count, every=every, block=block, first=first, most=most, decay=decay)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SettlingWatch:
+    """What looks at an output so far have shown, relative to its amplitude.
+
+    Where transients shrink by the factor r per period, a waveform that changes by d per period is off by d / (1 - r) at most. The factor
+    is read from two successive looks, and is at least that of the slowest mode known. Because the earlier look may still see a faster
+    transient than those left, two estimates in a row must pass.
+
+    Attributes:
+        period: samples per period.
+        block: samples between two looks.
+        tolerance: largest error left of a settled output.
+        decay: least factor per period.
+        change: largest change per period in the last block.
+        remaining: estimated largest error left, by the last look.
+        before: the same by the look before.
+    """
+
+    period: int
+    block: int
+    tolerance: float
+    decay: float
+    change: float = math.inf
+    remaining: float = math.inf
+    before: float = math.inf
+
+    @property
+    def settled(self) -> bool:
+        """Whether the last two looks passed."""
+        return self.remaining < self.tolerance and self.before < self.tolerance
+
+    def look(self, outputs: Floats) -> "SettlingWatch":
+        """Compare the last block with the one a period earlier.
+
+        Args:
+            outputs: samples so far, more than a period of them, and as many more as a block has if this is not the first look.
+        """
+        amplitude = find_amplitude(outputs, self.period)
+        compared = min(self.block, outputs.size - self.period)
+        change = float(np.max(np.abs(outputs[-compared:] - outputs[-compared - self.period : -self.period]))) / amplitude
+        noise = ROUNDING * float(np.max(np.abs(outputs))) / amplitude
+        if change <= noise:
+            remaining = noise
+        elif math.isinf(self.change) or change >= self.change:
+            remaining = math.inf
+        else:
+            remaining = change / (1.0 - max(self.decay, (change / self.change) ** (self.period / self.block)))
+        return replace(self, change=change, remaining=remaining, before=self.remaining)
+
+
+def find_amplitude(outputs: Floats, period: int) -> float:
+    """Half of maximum minus minimum of the last period of some samples."""
+    return 0.5 * float(np.ptp(outputs[-period:]))
 
 
 def run_until_periodic(
@@ -230,8 +296,7 @@ def run_until_periodic(
 ) -> PeriodicAnswer:
     """Simulate from the trim under a sinusoid until the output repeats itself.
 
-    The difference d(t) = y(t) - y(t - T) is watched block by block. Where transients shrink by the factor r per period T, the waveform
-    is still off by d / (1 - r) at most; r is read from two successive blocks. Two successive blocks must pass.
+    What is settled is judged block by block by a `SettlingWatch`.
 
     Args:
         system: what to simulate.
@@ -249,17 +314,19 @@ def run_until_periodic(
         StalledError, LagError, DivergedError: the run ended; the message names the frequency.
     """
     signals = {excitation.input_name: sine(excitation.amplitude, mesh.omega)}
-    watch = _Watch(mesh=mesh, tolerance=tolerance)
+    watch = SettlingWatch(period=mesh.samples, block=mesh.block // mesh.every, tolerance=tolerance, decay=mesh.decay)
     done = mesh.first
     run = _go_on(system, trim, signals, mesh, done)
     outputs, inputs = run.output(excitation.output_name), run.input(excitation.input_name)
     while True:
+        if find_amplitude(outputs, mesh.samples) <= NO_ANSWER * float(np.max(np.abs(outputs))):
+            raise _no_answer(system, excitation, mesh)
         if done > mesh.count:
-            watch = watch.look(outputs, system, excitation)
+            watch = watch.look(outputs)
         if watch.settled:
             break
         if done + mesh.block > mesh.most:
-            raise _not_settled(excitation, watch, done)
+            raise _not_settled(excitation, watch, mesh, done)
         done += mesh.block
         run = _go_on(system, run.checkpoint, signals, mesh, done)
         keep = mesh.samples + max(mesh.samples, mesh.block // mesh.every)
@@ -288,53 +355,6 @@ def continue_periodic(system: DelaySystem, excitation: Excitation, answer: Perio
     return _go_on(system, answer.checkpoint, signals, answer.mesh, done)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Watch:
-    """What the looks so far have shown: the last change per period and the last two errors left, relative to the amplitude."""
-
-    mesh: Mesh
-    tolerance: float
-    change: float = math.inf
-    remaining: float = math.inf
-    before: float = math.inf
-
-    @property
-    def settled(self) -> bool:
-        """Whether the last two looks passed."""
-        return self.remaining < self.tolerance and self.before < self.tolerance
-
-    def look(self, outputs: Floats, system: DelaySystem, excitation: Excitation) -> "_Watch":
-        """Compare the last block with the one a period earlier."""
-        period, block = self.mesh.samples, self.mesh.block // self.mesh.every
-        last = outputs[-period:]
-        size = float(np.max(np.abs(outputs)))
-        amplitude = 0.5 * float(np.max(last) - np.min(last))
-        if amplitude <= ROUNDING * size or amplitude == 0.0:
-            message = (
-                f"output {excitation.output_name} of {system.name} does not answer input {excitation.input_name} at "
-                f"{self.mesh.omega:g} rad/s; choose another output, or a larger amplitude"
-            )
-            raise AnalysisError(message, frequency=self.mesh.omega)
-        compared = min(block, outputs.size - period)
-        change = float(np.max(np.abs(outputs[-compared:] - outputs[-compared - period : -period]))) / amplitude
-        noise = ROUNDING * size / amplitude
-        shrinks = min(change / self.change if self.change > 0.0 else 0.0, 1.0) ** (self.mesh.count / self.mesh.block)
-        if change <= noise:
-            remaining = noise
-        elif shrinks < 1.0:
-            remaining = change / (1.0 - shrinks)
-        else:
-            remaining = math.inf
-        known = math.isfinite(self.change)
-        return _Watch(
-            mesh=self.mesh,
-            tolerance=self.tolerance,
-            change=change,
-            remaining=remaining if known or change <= noise else math.inf,
-            before=self.remaining,
-        )
-
-
 def _go_on(system: DelaySystem, source: Trim | Checkpoint, signals: dict[str, Signal], mesh: Mesh, done: int) -> Trajectory:
     # A quarter step short: the run stops at the next grid point, whatever rounding does to the product.
     until = (done - 0.25) * mesh.step
@@ -348,8 +368,16 @@ def _go_on(system: DelaySystem, source: Trim | Checkpoint, signals: dict[str, Si
         raise type(error)(message, **{**error.details, "frequency": mesh.omega}) from error
 
 
-def _not_settled(excitation: Excitation, watch: _Watch, done: int) -> NotSettledError:
-    mesh, time = watch.mesh, done * watch.mesh.step
+def _no_answer(system: DelaySystem, excitation: Excitation, mesh: Mesh) -> AnalysisError:
+    message = (
+        f"output {excitation.output_name} of {system.name} does not answer input {excitation.input_name} at {mesh.omega:g} rad/s; "
+        "choose another output, or a larger amplitude"
+    )
+    return AnalysisError(message, frequency=mesh.omega)
+
+
+def _not_settled(excitation: Excitation, watch: SettlingWatch, mesh: Mesh, done: int) -> NotSettledError:
+    time = done * mesh.step
     message = (
         f"{excitation.output_name} does not repeat itself at {mesh.omega:g} rad/s after {time:g} s ({done / mesh.count:.3g} cycles): "
         f"estimated remaining error {watch.remaining:.3g} of its amplitude (limit {watch.tolerance:g}), change per cycle "

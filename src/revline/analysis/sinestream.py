@@ -3,8 +3,6 @@
 Source of the procedure and of the peak reading: Lee (1995), chapter 4.
 """
 
-from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,14 +12,12 @@ from revline.analysis.cycle_readings import FourierReading, ReadingMethod, read_
 from revline.analysis.linearize import linearize
 from revline.analysis.periodic import Excitation, Mesh, PeriodicAnswer, RunSettings, check_excitation, plan_mesh, run_until_periodic
 from revline.analysis.phase_turns import SineReading, read_turns
+from revline.analysis.threads import Progress, run_all
 from revline.analysis.trim import Trim
-from revline.errors import AnalysisError, LagError, NotConvergedError, out_of_range
+from revline.errors import AnalysisError, LagError, NotConvergedError
 from revline.lti.response import FrequencyResponse, check_frequencies
 from revline.system import DelaySystem, Floats, Variable
 from revline.values import make_read_only
-
-Progress = Callable[[float], None]
-"""Told from time to time which part of the frequencies is done, 0 to 1."""
 
 HARMONICS = 10
 """Highest harmonic that a result lists; the distortion counts all of them."""
@@ -164,7 +160,8 @@ def find_sinestream(
     omega = check_frequencies(frequencies)
     moved, watched = check_excitation(system, trim, excitation)
     meshes = [plan_mesh(float(w), trim, settings) for w in omega]
-    runs = _run_all(_Case(system, trim, excitation, settings), meshes, workers, progress)
+    case = _Case(system, trim, excitation, settings)
+    runs = run_all(lambda mesh: _run_checked(case, mesh), meshes, lambda mesh: mesh.first, workers=workers, progress=progress)
     readings = [run.reading for run in runs]
     peaks = [read_peaks(run.answer.moved, run.answer.answered) for run in runs]
     model = linearize(system, trim).model
@@ -222,23 +219,6 @@ class _Run:
     answer: PeriodicAnswer
     reading: FourierReading
     step_error: float
-
-
-def _run_all(case: _Case, meshes: list[Mesh], workers: int, progress: Progress | None) -> list[_Run]:
-    """Run all frequencies, the longest first, and give them in their order."""
-    if workers < 1:
-        raise out_of_range("workers", workers, "threads", "1 and above", "give the number of threads")
-    order = sorted(range(len(meshes)), key=lambda k: -meshes[k].first)
-    pool = ThreadPoolExecutor(max_workers=workers)
-    try:
-        futures: dict[int, Future[_Run]] = {k: pool.submit(_run_checked, case, meshes[k]) for k in order}
-        for done, future in enumerate(as_completed(futures.values()), start=1):
-            future.result()
-            if progress is not None:
-                progress(done / len(meshes))
-    finally:
-        pool.shutdown(cancel_futures=True)
-    return [futures[k].result() for k in range(len(meshes))]
 
 
 def _run_checked(case: _Case, mesh: Mesh) -> _Run:

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from revline.analysis.trim import Trim, find_trim
 from revline.errors import InvalidInputError, NoTrimError, out_of_range
-from revline.system import DelaySystem, Floats, Variable, index_of
+from revline.system import DelaySystem, Floats, Variable, check_range, index_of
 from revline.values import make_read_only
 
 BISECTIONS = 60
@@ -178,6 +178,8 @@ def _checked_values(sweep: Variable, values: ArrayLike) -> Floats:
     if not np.all(np.diff(grid) > 0.0):
         message = f"values of {sweep.name} do not rise strictly; sort them and give each once"
         raise InvalidInputError(message)
+    for end in (grid[0], grid[-1]):
+        check_range(sweep, float(end))
     return grid
 
 

@@ -3,7 +3,7 @@
 import math
 
 from revline.dde.run import Record
-from revline.errors import DivergedError, LagError, SimulationError, StalledError
+from revline.errors import DivergedError, LagError, SimulationError, StalledError, StepError
 from revline.system import DelaySystem
 
 
@@ -23,9 +23,11 @@ def explain(system: DelaySystem, s: Record) -> SimulationError:
         return DivergedError(
             f"diverged: {place}: {', '.join(lost)} is no finite number any more; give smaller gains or a smaller step", **details
         )
-    gone = [f"{v.name} goes to {x:g} {v.unit}, outside {v.low:g} to {v.high:g} {v.unit}" for v, x in tried if not v.low <= x <= v.high]
+    gone = [(v, x) for v, x in tried if not v.low <= x <= v.high]
     if gone:
-        return StalledError(f"stalled: {place}: {'; '.join(gone)}; give more throttle, less load or smaller gains", **details)
+        said = "; ".join(f"{v.name} goes to {x:g} {v.unit}, outside {v.low:g} to {v.high:g} {v.unit}" for v, x in gone)
+        message = f"stalled: {place}: {said}; give more throttle, less load or smaller gains"
+        return StalledError(message, state=gone[0][0].name, value=gone[0][1], **details)
     return _explain_lags(system, s, place, end, details)
 
 
@@ -38,7 +40,7 @@ def _explain_lags(system: DelaySystem, s: Record, place: str, end: float, detail
     for name, lag in following:
         if lag < step:
             what = f"step = {step:g} s is longer than a lag during the run, {lag:g} s of {name}"
-            return LagError(f"{what}: {place}; give a smaller step", **details)
+            return StepError(f"{what}: {place}; give a smaller step", **details)
     advances = [float(after - before) for before, after in zip(s["read_time"][:c], s["read_time_next"][:c], strict=True)]
     name, lag = following[advances.index(min(advances))]
     what = f"the delayed time runs backwards, the lag of {name} grows to {lag:g} s faster than time passes"

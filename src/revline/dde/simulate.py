@@ -96,7 +96,8 @@ def simulate(
         InvalidInputError: an input leaves its range, the step is not below the smallest lag, the stop time is before the start, a parameter
             is no finite number.
         StalledError: a state left its range.
-        LagError: a lag became no positive number, fell below the step, or the delayed time ran backwards.
+        StepError: a lag fell below the step.
+        LagError: a lag became no positive number, or the delayed time ran backwards.
         DivergedError: a state is no finite number any more.
     """
     options = options or Options()

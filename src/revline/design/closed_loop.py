@@ -5,25 +5,27 @@ Law and conventions: `revline.design.pid_system`; the command is a true step at 
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from revline import signals
+from revline.analysis.trim import Trim
 from revline.connection import connect
-from revline.dde.simulate import Start, simulate
+from revline.dde.simulate import Start
 from revline.design.classify import Criteria, classify_outcome
 from revline.design.controller import PidGains
 from revline.design.linear_loop import closed_loop_transfer, closed_loop_transfer_to_control
 from revline.design.linear_plant import linear_plant, step_limit
-from revline.design.outcome import Diverged, LimitCycle, Outcome, Settled, Stalled
+from revline.design.loop_simulation import LoopRecord, LoopTrace, Mesh, check_steps, describe_stall, keep_finite, simulate_loop
+from revline.design.outcome import Diverged, LimitCycle, Outcome, Settled
 from revline.design.pid_system import pid_system
 from revline.design.step_measures import StepMeasures, measure_overshoot, measure_step
-from revline.errors import DivergedError, InvalidInputError, SimulationError
+from revline.design.time_series import MIN_SAMPLES
+from revline.errors import DivergedError, InvalidInputError, NotSettledError, out_of_range
 from revline.lti.transfer_function import TransferFunction
-from revline.system import DelaySystem
+from revline.system import DelaySystem, index_of
 from revline.values import make_read_only
 
 Floats = NDArray[np.float64]
@@ -33,8 +35,8 @@ FORM = (
 )
 """The form of every closed loop here; other forms give other numbers."""
 
-LEAST_STEPS = 20
-"""A run has at least this many steps before it may be cut short by a stall."""
+LARGEST_EXPONENT = 300.0
+"""An unstable loop is followed until it has grown by e to this: far beyond any bound, and within the range of numbers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,12 +73,13 @@ class LoopRun:
         limits: of the control.
         command: size of the step, in the measurement's unit.
         start: measurement before the step.
-        times: shape (n,), in seconds from the step.
+        times: shape (n,), in seconds from the step; to where it passed its bound for a loop that diverges, to the last step for one that
+            stalls.
         output: the measurement, shape (n,).
         control: what the controller drives, after its limits, shape (n,).
         terms: proportional, integral and derivative term, shape (n, 3); without rows where the response is an exact formula.
         outcome: how it ended.
-        overshoot: as a fraction of the command, of whatever was recorded.
+        overshoot: as a fraction of the command, of whatever was recorded; it says nothing of a loop that diverged or stalled.
         step: of the simulation, in seconds; 0 where the response is an exact formula.
     """
 
@@ -97,6 +100,12 @@ class LoopRun:
     def __post_init__(self) -> None:
         if not len(self.times) == len(self.output) == len(self.control):
             message = f"times, output and control have {len(self.times)}, {len(self.output)} and {len(self.control)} samples"
+            raise InvalidInputError(message)
+        if len(self.terms) not in (0, len(self.times)):
+            message = f"there are {len(self.terms)} samples of the controller's terms and {len(self.times)} of the output"
+            raise InvalidInputError(message)
+        if not all(np.isfinite(values).all() for values in (self.times, self.output, self.control, self.terms)):
+            message = "a closed loop's record holds numbers that are not finite; end it before them"
             raise InvalidInputError(message)
         make_read_only(self)
 
@@ -124,16 +133,6 @@ class LoopRun:
         return measure_step(self.times, self.output, start=0.0, target=self.target, command=self.command)
 
 
-class LoopTrace(NamedTuple):
-    """What a closed loop did: times (n,), measurement (n,), control (n,), its terms (n, 3) or none, and the simulation's step."""
-
-    times: Floats
-    output: Floats
-    control: Floats
-    terms: Floats
-    step: float
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopTask:
     """What is asked of a closed loop: the step of its command, and how long and how finely it is run."""
@@ -147,6 +146,9 @@ class LoopTask:
         if not math.isfinite(self.command) or self.command == 0.0:
             message = f"command step = {self.command:g} moves nothing; give a size other than 0"
             raise InvalidInputError(message, command=self.command)
+        for name, value in (("stop time", self.until), ("time step", self.step)):
+            if not (math.isfinite(value) and value > 0.0):
+                raise out_of_range(name, value, "s", "values above 0", "give a time in seconds")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -156,6 +158,12 @@ class OperatingPoint:
     states: Floats
     inputs: Mapping[str, float]
     measurement: float
+
+
+def operating_point(trim: Trim, wires: LoopSignals = SPEED_BY_THROTTLE) -> OperatingPoint:
+    """Start a loop from a trim."""
+    inputs = {variable.name: trim.input(variable.name) for variable in trim.input_variables}
+    return OperatingPoint(states=trim.states, inputs=inputs, measurement=trim.output(wires.measurement))
 
 
 def run_loop(
@@ -169,6 +177,10 @@ def run_loop(
 ) -> LoopRun:
     """Close a loop around a system at rest, step its command, and tell how it ends.
 
+    Where a lag falls below the step during the run, the step is halved, up to four times; samples stay where they were asked for.
+    As the system has limits of its own, it counts as diverged only where its measurement also is further from the target than it was
+    from zero at the start.
+
     Args:
         plant: nonlinear or linear, with its delays.
         point: of rest, for example a trim.
@@ -178,33 +190,37 @@ def run_loop(
         limits: of what the controller drives.
 
     Raises:
-        InvalidInputError: signals are missing, units differ, or the limits exclude the trim.
+        InvalidInputError: signals are missing, units differ, the limits exclude the trim, the measurement is not that of the states, or
+            the step is not below the smallest lag at the start.
         NotSettledError: the record is too short to tell how the loop ends.
-        LagError: the step is longer than a lag at the start.
+        SimulationError: a state that the measurement does not show is no finite number any more.
     """
     loop = close_loop(plant, point, gains, wires=wires, limits=limits)
-    free = {v.name for v in loop.inputs}
-    inputs = {name: value for name, value in point.inputs.items() if name in free}
-    start = Start(states=np.append(point.states, 0.0), inputs=loop.input_vector({**inputs, "command": point.measurement}))
-    command = {"command": signals.step(task.command)}
-    try:
-        record, end = simulate(loop, start, command, until=task.until, step=task.step), None
-    except SimulationError as error:
-        end = _ending(error, loop, task)
-        last = max(math.floor(float(error.details["time"]) / task.step) - 1, LEAST_STEPS) * task.step
-        record = simulate(loop, start, command, until=last, step=task.step)
-    trace = LoopTrace(
-        times=record.times,
-        output=record.output(wires.measurement),
-        control=record.output("control"),
-        terms=np.column_stack([record.output(term) for term in ("proportional", "integral", "derivative")]),
-        step=record.step,
-    )
-    return _judge(plant.name, gains, task, trace, start=point.measurement, limits=limits, end=end)
+    measured = index_of(plant.outputs, wires.measurement)
+    inputs = {name: value for name, value in point.inputs.items() if name != wires.drive}
+    start = Start(states=np.append(point.states, 0.0), inputs=loop.input_vector({**inputs, loop.inputs[-1].name: point.measurement}))
+    record = simulate_loop(loop, start, task.command, Mesh(task.until, task.step), measured=measured)
+    found, unit = float(record.trace.output[0]), gains.input_unit
+    if abs(found - point.measurement) > 1e-6 * max(1.0, abs(found)):
+        message = (
+            f"{wires.measurement} = {point.measurement:g} {unit} is given for an operating point whose states make it {found:g} {unit}; "
+            "give a point of rest, from find_trim() for example"
+        )
+        raise InvalidInputError(message, given=point.measurement, found=found)
+    criteria = replace(task.criteria, bound=max(task.criteria.bound, abs(point.measurement / task.command)))
+    return _judge(plant.name, gains, replace(task, criteria=criteria), record, start=point.measurement, limits=limits, loop=loop)
 
 
 def close_loop(plant: DelaySystem, point: OperatingPoint, gains: PidGains, *, wires: LoopSignals, limits: Limits) -> DelaySystem:
-    """Make one system of a plant and a controller that holds it at a point of rest."""
+    """Make one system of a plant and a controller that holds it at a point of rest; the command is its last input.
+
+    Raises:
+        InvalidInputError: signals are missing or units differ, or the limits exclude the trim.
+    """
+    index_of(plant.inputs, wires.drive)
+    if wires.drive not in point.inputs:
+        message = f"the operating point has no value for {wires.drive}, which the controller drives; it has {', '.join(point.inputs)}"
+        raise InvalidInputError(message, name=wires.drive)
     controller = pid_system(gains, bias=point.inputs[wires.drive], low=limits.low, high=limits.high)
     return connect(
         plant,
@@ -223,63 +239,63 @@ def run_linear_loop(
     Args:
         model: strictly proper.
         gains: of the controller.
-        task: what is asked; the step is shortened where the model asks for it.
+        task: what is asked; the step is divided where the model asks for it, the samples stay where they were asked for.
         name: of the model, for people.
         base: input and output at the trim that the model belongs to.
 
     Raises:
-        InvalidInputError: the model is not strictly proper, or its units are not the controller's.
+        InvalidInputError: the model is not strictly proper, its units are not the controller's, or its delay is too short to be
+            simulated for so long.
         NotSettledError: the record is too short to tell how the loop ends.
     """
-    trace = trace_linear_loop(model, gains, task)
-    shifted = replace_trace(trace, base)
-    return _judge(name, gains, task, shifted, start=base[1], limits=Limits(), end=None)
+    record = _record_linear_loop(model, gains, task)
+    trace = record.trace._replace(output=record.trace.output + base[1], control=record.trace.control + base[0])
+    return _judge(name, gains, task, LoopRecord(trace, record.failure), start=base[1], limits=Limits())
 
 
 def trace_linear_loop(model: TransferFunction, gains: PidGains, task: LoopTask) -> LoopTrace:
-    """Answer of a closed loop around a linear model to a step of its command, relative to the trim; see `run_linear_loop`."""
+    """Answer of a closed loop around a linear model to a step of its command, relative to the trim; see `run_linear_loop`.
+
+    Raises:
+        InvalidInputError: as for `run_linear_loop`.
+        DivergedError: the loop grows beyond the range of numbers.
+    """
+    record = _record_linear_loop(model, gains, task)
+    if record.failure is not None:
+        raise record.failure
+    return record.trace
+
+
+def _record_linear_loop(model: TransferFunction, gains: PidGains, task: LoopTask) -> LoopRecord:
     if model.delay == 0.0:
-        return _trace_rational(model, gains, task)
+        return LoopRecord(_trace_rational(model, gains, task), None)
     plant = linear_plant(model)
-    loop = close_loop(
-        plant,
-        OperatingPoint(states=np.zeros(len(plant.states)), inputs={"input": 0.0}, measurement=0.0),
-        gains,
-        wires=OF_LINEAR_MODEL,
-        limits=Limits(),
-    )
+    rest = OperatingPoint(states=np.zeros(len(plant.states)), inputs={OF_LINEAR_MODEL.drive: 0.0}, measurement=0.0)
+    loop = close_loop(plant, rest, gains, wires=OF_LINEAR_MODEL, limits=Limits())
     start = Start(states=np.zeros(len(loop.states)), inputs=loop.input_vector({}))
-    command = {"command": signals.step(task.command)}
-    record = simulate(loop, start, command, until=task.until, step=min(task.step, step_limit(model)))
-    return LoopTrace(
-        times=record.times,
-        output=record.output("output"),
-        control=record.output("control"),
-        terms=np.column_stack([record.output(term) for term in ("proportional", "integral", "derivative")]),
-        step=record.step,
-    )
-
-
-def replace_trace(trace: LoopTrace, base: tuple[float, float]) -> LoopTrace:
-    """Shift a trace from deviations to absolute values of control and output."""
-    return trace._replace(output=trace.output + base[1], control=trace.control + base[0])
+    mesh = Mesh(task.until, task.step, math.ceil(task.step / step_limit(model)))
+    return simulate_loop(loop, start, task.command, mesh, measured=0)
 
 
 def _trace_rational(model: TransferFunction, gains: PidGains, task: LoopTask) -> LoopTrace:
-    times: Floats = task.step * np.arange(math.floor(task.until / task.step + 1e-9) + 1, dtype=float)
+    to_output, to_control = closed_loop_transfer(model, gains), closed_loop_transfer_to_control(model, gains)
+    growth = float(np.max(to_output.poles.real, initial=0.0))
+    until = min(task.until, LARGEST_EXPONENT / growth) if growth > 0.0 else task.until
+    check_steps(Mesh(until, task.step))
+    times: Floats = task.step * np.arange(math.floor(until / task.step + 1e-9) + 1, dtype=float)
     with np.errstate(over="ignore", invalid="ignore"):
-        output = task.command * closed_loop_transfer(model, gains).step_response(times)
-        control = task.command * closed_loop_transfer_to_control(model, gains).step_response(times)
-    whole = np.isfinite(output) & np.isfinite(control)
-    kept = len(times) if whole.all() else int(np.argmin(whole))
-    return LoopTrace(times=times[:kept], output=output[:kept], control=control[:kept], terms=np.empty((0, 3)), step=0.0)
+        output = task.command * to_output.step_response(times)
+        control = task.command * to_control.step_response(times)
+    return keep_finite(LoopTrace(times=times, output=output, control=control, terms=np.empty((0, 3)), step=0.0))
 
 
 def _judge(
-    name: str, gains: PidGains, task: LoopTask, trace: LoopTrace, *, start: float, limits: Limits, end: Diverged | Stalled | None
+    name: str, gains: PidGains, task: LoopTask, record: LoopRecord, *, start: float, limits: Limits, loop: DelaySystem | None = None
 ) -> LoopRun:
-    target = start + task.command
-    outcome = end or classify_outcome(trace.times, trace.output, target=target, command=task.command, criteria=task.criteria)
+    target, trace = start + task.command, record.trace
+    outcome = _decide(task, record, target, loop)
+    if isinstance(outcome, Diverged):
+        trace = trace.first(max(int(np.searchsorted(trace.times, outcome.time, side="right")), MIN_SAMPLES))
     return LoopRun(
         plant=name,
         gains=gains,
@@ -297,14 +313,18 @@ def _judge(
     )
 
 
-def _ending(error: SimulationError, loop: DelaySystem, task: LoopTask) -> Diverged | Stalled:
-    """Outcome of a run that could not go on."""
-    time = float(error.details["time"])
-    if isinstance(error, DivergedError):
-        return Diverged(time=time, value=math.inf, bound=task.criteria.bound * abs(task.command))
-    left = [v for v in loop.states if not v.low < float(error.details[v.name]) < v.high]
-    state = (left or loop.states[-2:])[0]
-    return Stalled(time=time, state=state.name, value=float(error.details[state.name]))
+def _decide(task: LoopTask, record: LoopRecord, target: float, loop: DelaySystem | None) -> Outcome:
+    """Tell how a loop ended; numbers beyond the range of numbers are believed only if the measurement had left its bound before."""
+    trace, failure = record
+    if failure is not None and loop is not None and not isinstance(failure, DivergedError):
+        return describe_stall(failure, loop)
+    try:
+        outcome = classify_outcome(trace.times, trace.output, target=target, command=task.command, criteria=task.criteria)
+    except NotSettledError as undecided:
+        raise (failure or undecided) from undecided
+    if failure is not None and not isinstance(outcome, Diverged):
+        raise failure
+    return outcome
 
 
 def describe_outcome(run: LoopRun) -> str:

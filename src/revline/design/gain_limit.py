@@ -51,7 +51,7 @@ def find_gain_limit(transfer: Transfer, *, integral_ratio: float = 0.0, low: flo
         raise out_of_range("ratio of ki to kp", integral_ratio, "1/s", "0 and above", "give the ratio of the controller")
 
     def loop(omega: NDArray[np.float64]) -> NDArray[np.complex128]:
-        s = 1j * omega
+        s: NDArray[np.complex128] = np.asarray(1j * omega, dtype=np.complex128)
         values: NDArray[np.complex128] = (1.0 + integral_ratio / s) * transfer(s)
         return values
 

@@ -3,10 +3,12 @@
 Realised in observer form: the numerator and denominator are the equations' parameters, so that all models share one kernel.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
+from revline.analysis.linearize import rate_unit
 from revline.equations import equation
 from revline.errors import InvalidInputError
 from revline.lti.transfer_function import TransferFunction
@@ -98,6 +100,7 @@ def linear_plant(model: TransferFunction, *, base_input: float = 0.0, base_outpu
     zeros = [0.0] * (order - len(model.numerator)) + [c / scale for c in reversed(model.numerator)]
     pad = (0.0,) * (MOST_POLES - order)
     unit = model.output_unit
+    rates_unit = rate_unit(Variable(name="output", unit=unit))
     return DelaySystem(
         name="linear_plant",
         parameters=LinearPlant((*falling, *pad), (*zeros, *pad), model.delay, base_input, base_output),
@@ -105,11 +108,11 @@ def linear_plant(model: TransferFunction, *, base_input: float = 0.0, base_outpu
         inputs=(Variable(name="input", unit=model.input_unit, description="input of the model", nominal=base_input),),
         channels=(
             Variable(name="output", unit=unit, description="output before the delay"),
-            Variable(name="output_rate", unit=f"{unit}/s" if unit != "rad/s" else "rad/s2", description="its rate before the delay"),
+            Variable(name="output_rate", unit=rates_unit, description="its rate before the delay"),
         ),
         outputs=(
             Variable(name="output", unit=unit, description="output"),
-            Variable(name="output_rate", unit=f"{unit}/s" if unit != "rad/s" else "rad/s2", description="rate of the output"),
+            Variable(name="output_rate", unit=rates_unit, description="rate of the output"),
         ),
         emit=emit,
         lags=lags,
@@ -119,6 +122,10 @@ def linear_plant(model: TransferFunction, *, base_input: float = 0.0, base_outpu
 
 
 def step_limit(model: TransferFunction) -> float:
-    """Longest step that a simulation of the model's poles and delay stands, with a margin of ten, in seconds."""
-    fastest = float(np.max(np.abs(np.asarray(model.poles))))
-    return min(0.25 / fastest, model.delay / 4.0)
+    """Longest step that a simulation of the model's poles and delay stands, with a margin of ten, in seconds.
+
+    Args:
+        model: with a delay above zero.
+    """
+    fastest = float(np.max(np.abs(model.poles), initial=0.0))
+    return min(0.25 / fastest if fastest > 0.0 else math.inf, model.delay / 4.0)

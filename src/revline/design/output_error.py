@@ -267,7 +267,7 @@ def _starts(problem: Problem) -> Iterator[tuple[str, Floats]]:
     for delay in _delay_starts(problem):
         advanced = problem.values * np.exp(problem.s * delay)
         label = f", delay {delay / problem.frequency:.4g} s" if problem.free_delay else ""
-        bottom = np.append(1.0, np.zeros(problem.poles))
+        top, bottom = np.zeros(0), np.append(1.0, np.zeros(problem.poles))
         for iteration in range(_LINEAR_ITERATIONS[problem.free_delay]):
             top, bottom = _linear_fit(problem, advanced, bottom)
             if iteration == 0:
@@ -283,8 +283,8 @@ def _starts(problem: Problem) -> Iterator[tuple[str, Floats]]:
 def _pole_starts(problem: Problem) -> Iterator[tuple[str, Complexes]]:
     """Sets of stable poles over the range of the frequencies: real ones, and with one resonance at a time."""
     reach = float(np.abs(problem.s).max())
+    real = -np.geomspace(reach**-0.5, reach**0.75, problem.poles + 1)[:-1].astype(complex)
     if problem.poles:
-        real = -np.geomspace(reach**-0.5, reach**0.75, problem.poles + 1)[:-1].astype(complex)
         yield "real poles over the frequencies", real
     if problem.poles >= 2:
         for size in np.geomspace(1.0 / reach, reach, _RESONANCE_STARTS):

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from revline.analysis.linearize import rate_unit
 from revline.design.controller import PidGains
 from revline.equations import equation
 from revline.errors import InvalidInputError
@@ -66,20 +67,27 @@ def pid_system(gains: PidGains, *, bias: float, low: float = -math.inf, high: fl
         high: upper limit.
 
     Raises:
-        InvalidInputError: the limits exclude the bias.
+        InvalidInputError: the limits exclude the bias, or the bias is not finite.
     """
-    if not low <= bias <= high:
+    if not (math.isfinite(bias) and low <= bias <= high):
         message = f"the output at the trim, {bias:g} {gains.output_unit}, lies outside the limits {low:g} to {high:g} {gains.output_unit}"
         raise InvalidInputError(message, bias=bias, low=low, high=high)
     unit, drive = gains.input_unit, gains.output_unit
+    measurement = Variable(name="measurement", unit=unit, description="measured value")
     return DelaySystem(
         name="pid",
         parameters=PidParameters(gains.kp, gains.ki, gains.kd, bias, low, high),
-        states=(Variable(name="error_integral", unit=f"{unit} s", description="integral of the error"),),
+        states=(
+            Variable(
+                name="error_integral",
+                unit=unit.removesuffix("/s") if unit.endswith("/s") else f"{unit} s",
+                description="integral of the error",
+            ),
+        ),
         inputs=(
             Variable(name="command", unit=unit, description="wanted value"),
-            Variable(name="measurement", unit=unit, description="measured value"),
-            Variable(name="measurement_rate", unit=f"{unit}/s" if unit != "rad/s" else "rad/s2", description="its rate of change"),
+            measurement,
+            Variable(name="measurement_rate", unit=rate_unit(measurement), description="its rate of change"),
         ),
         channels=(),
         outputs=(

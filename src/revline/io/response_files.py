@@ -1,7 +1,5 @@
 """Frequency responses as CSV files, own and foreign: quantities and units are told by the column names."""
 
-import csv
-import io
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -10,7 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from revline.errors import InvalidInputError, out_of_range
+from revline.io.atomic import write_atomically
 from revline.io.csv_table import CsvTable, read_csv_table
+from revline.io.csv_text import format_csv
 from revline.lti.response import Complexes, Floats, FrequencyResponse
 from revline.units import DEGREE
 from revline.values import make_read_only
@@ -122,9 +122,6 @@ def read_response(path: str | Path, *, columns: Mapping[str, str] | None = None,
 def write_response(path: str | Path, response: FrequencyResponse, *, amplitude: float, distortion: Floats | None = None) -> None:
     """Write a frequency response as CSV, so that `read_response` gives it back to the last bit.
 
-    Columns: frequency_rad_s, amplitude_rad_s (magnitude where the output is no speed in rad/s), phase_deg, distortion where given, and
-    gain_real and gain_imag, which carry the exact value.
-
     Args:
         path: of the file, which is replaced.
         response: what to write.
@@ -132,9 +129,54 @@ def write_response(path: str | Path, response: FrequencyResponse, *, amplitude: 
         distortion: one per frequency, where the method has it.
 
     Raises:
-        InvalidInputError: the amplitude is not positive, the lengths differ, there is a frequency of 0, a magnitude is beyond the range
-            of numbers, a name holds a line end, or the file cannot be written.
+        InvalidInputError: as for `format_response`; or the file cannot be written.
     """
+    write_atomically(path, format_response(response, amplitude=amplitude, distortion=distortion), "frequency response")
+
+
+def format_response(response: FrequencyResponse, *, amplitude: float, distortion: Floats | None = None) -> str:
+    """Format a frequency response as CSV, so that `read_response` gives it back to the last bit.
+
+    Columns: frequency_rad_s, amplitude_rad_s (magnitude where the output is no speed in rad/s), phase_deg, distortion where given, and
+    gain_real and gain_imag, which carry the exact value.
+
+    Args:
+        response: what to write.
+        amplitude: of the input, in its unit; amplitudes are the magnitude times this.
+        distortion: one per frequency, where the method has it.
+
+    Raises:
+        InvalidInputError: the amplitude is not positive, the lengths differ, there is a frequency of 0, a magnitude is beyond the range
+            of numbers, or a name holds a line end.
+    """
+    notes = _metadata(response, amplitude)
+    for key, value in notes:
+        if not value.isprintable() or value != value.strip():
+            message = f"{key} = {value!r} holds a line end, outer blanks or other unprintable characters; take them out"
+            raise InvalidInputError(message)
+    entries = _columns(response, amplitude, distortion)
+    entries += [("gain_real", response.values.real), ("gain_imag", response.values.imag)]
+    return format_csv(entries, notes=dict(notes))
+
+
+def response_rows(response: FrequencyResponse, *, amplitude: float, distortion: Floats | None = None) -> list[dict[str, float]]:
+    """Give a frequency response row by row, with the columns of its file for people.
+
+    Args:
+        response: what to give.
+        amplitude: of the input, in its unit.
+        distortion: one per frequency, where the method has it.
+
+    Raises:
+        InvalidInputError: as for `format_response`.
+    """
+    columns = _columns(response, amplitude, distortion)
+    names = [name for name, _ in columns]
+    return [dict(zip(names, row, strict=True)) for row in zip(*(values.tolist() for _, values in columns), strict=True)]
+
+
+def _columns(response: FrequencyResponse, amplitude: float, distortion: Floats | None) -> list[tuple[str, Floats]]:
+    """Columns for people: frequency, amplitude or magnitude, phase, and distortion where there is one."""
     _check_amplitude(amplitude, response.input_unit)
     is_speed = response.output_unit == "rad/s"
     with np.errstate(over="ignore"):
@@ -152,21 +194,7 @@ def write_response(path: str | Path, response: FrequencyResponse, *, amplitude: 
             message = f"{distortion.size} distortions for {response.omega.size} frequencies; give one for each"
             raise InvalidInputError(message)
         entries.append(("distortion", distortion))
-    entries += [("gain_real", response.values.real), ("gain_imag", response.values.imag)]
-    text = io.StringIO(newline="")
-    for key, value in _metadata(response, amplitude):
-        if not value.isprintable() or value != value.strip():
-            message = f"{key} = {value!r} holds a line end, outer blanks or other unprintable characters; take them out"
-            raise InvalidInputError(message)
-        text.write(f"# {key}: {value}\n")
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([name for name, _ in entries])
-    writer.writerows(zip(*(column.tolist() for _, column in entries), strict=True))
-    try:
-        Path(path).write_text(text.getvalue(), encoding="utf-8", newline="\n")
-    except OSError as problem:
-        message = f"cannot write {path}: {problem.strerror or problem}; give a path in a folder that exists"
-        raise InvalidInputError(message) from problem
+    return entries
 
 
 def _metadata(response: FrequencyResponse, amplitude: float) -> tuple[tuple[str, str], ...]:

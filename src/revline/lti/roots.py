@@ -38,6 +38,9 @@ MULTIPLE_STEP_LIMIT = 1e-4
 LONGEST_MOVE = 1e-2
 """How far Newton may move a root of the matrix, relative to 1 + |s|; one that moves further was not resolved."""
 
+LARGEST_GROWTH = 300.0
+"""A candidate so far left that exp(-s lag) is near the end of the number range is none: no matrix of such a degree resolves it."""
+
 SETTLED = 1e-6
 """Roots of two degrees that agree so well, relative to 1 + |s|, are settled."""
 
@@ -254,6 +257,7 @@ def differentiation_matrix(degree: int) -> Floats:
 
 def _refined(block: FeedbackBlock, candidates: Complexes, count: int) -> _Listed:
     """Refine candidates by Newton, keep those that are roots, and of these the right-most."""
+    candidates = candidates[-candidates.real * block.lags.max(initial=0.0) < LARGEST_GROWTH]
     candidates = candidates[_from_the_right(candidates)][: max(MOST_CANDIDATES, 3 * count)]
     candidates = candidates[candidates.imag >= 0.0]
     roots, residuals, steps = _newton(block, candidates)

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from revline.analysis.operating_range import LineFit, OperatingRange
-from revline.analysis.sinestream import Sinestream
 from revline.analysis.steady_map import SteadyMap
 from revline.analysis.trim import Trim
 from revline.design.closed_loop import LoopRun
@@ -69,6 +68,15 @@ class StepsResult:
     free: tuple[TimeRecord, ...]
     held: tuple[TimeRecord, ...]
     held_speed: float
+
+
+class SineRecord(NamedTuple):
+    """Two settled periods of a sinusoid: frequency in rad/s, times in s, throttle in deg, speed less its initial value in rad/s."""
+
+    frequency: float
+    times: Floats
+    throttle: Floats
+    speed: Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -171,10 +179,3 @@ class ErrorsResult:
 
     records: tuple[ErrorRecord, ...]
     equal_frequency: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ResponseResult:
-    """The frequency response by simulation."""
-
-    sinestream: Sinestream

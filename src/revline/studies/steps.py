@@ -8,8 +8,9 @@ from revline import signals
 from revline.analysis.linearize import linearize
 from revline.analysis.operating_range import find_operating_range, fit_line
 from revline.analysis.periodic import Excitation
-from revline.analysis.sinestream import Progress, Sinestream, find_sinestream
+from revline.analysis.sinestream import Sinestream, find_sinestream
 from revline.analysis.steady_map import find_steady_map
+from revline.analysis.threads import Progress
 from revline.analysis.trim import Trim, find_trim
 from revline.dde.simulate import Start, Trajectory, simulate
 from revline.design.controller import PidGains
@@ -21,7 +22,7 @@ from revline.engine.lee1995 import lee1995_parameters
 from revline.engine.torque import Rotation
 from revline.lti.response import FrequencyResponse
 from revline.studies.config import StartingGains, StudyConfig, read_table_4_1
-from revline.studies.results import ControllersResult, ModelsResult, PointResult, RangeResult, StepsResult, TimeRecord
+from revline.studies.results import ControllersResult, ModelsResult, PointResult, RangeResult, SineRecord, StepsResult, TimeRecord
 from revline.system import DelaySystem
 
 STEP = 1e-3
@@ -35,6 +36,9 @@ HELD_SPEED = 240.0
 
 STEP_AT = 0.5
 """When throttle steps begin, in s. Source: Lee (1995), Figs 3.7-3.9."""
+
+SHOWN_SINE = 0.5
+"""Frequency of the sinusoid that is shown in time, in rad/s. Source: Lee (1995), Fig. 4.3."""
 
 REDUCTION = 0.1
 """Part of C2d's proportional gain in the over-reduced case. Source: Lee (1995), section 5.6."""
@@ -86,6 +90,16 @@ def run_steps(engine: DelaySystem, point: PointResult, config: StudyConfig) -> S
         held=tuple(_throttle_step(heavy, rest, size, 2.0) for size in config.steps_deg),
         held_speed=speed,
     )
+
+
+def run_sine(engine: DelaySystem, point: PointResult, config: StudyConfig) -> SineRecord:
+    """Simulate the sinusoid that is shown: three periods, of which the first is the transient's."""
+    omega = SHOWN_SINE
+    period = 2.0 * np.pi / omega
+    run = throttle_run(engine, point.trim, signals.sine(config.amplitude_deg, omega), 3.0 * period, period / 8000.0)
+    kept = run.times >= period * (1.0 - 1e-9)
+    speed = run.output("engine_speed") - point.trim.output("engine_speed")
+    return SineRecord(omega, run.times[kept], run.input("throttle")[kept], speed[kept])
 
 
 def excitation(config: StudyConfig) -> Excitation:

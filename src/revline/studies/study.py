@@ -1,10 +1,12 @@
 """The whole study: from questions to results, one kept step after the other."""
 
+import itertools
 from dataclasses import replace
 from pathlib import Path
 
 from revline.analysis.linearity import judge_linearity
 from revline.analysis.spectrum import check_spectra
+from revline.analysis.threads import Progress
 from revline.studies import loop_steps, steps
 from revline.studies.chain import Chain, Report
 from revline.studies.config import StudyConfig
@@ -30,15 +32,16 @@ def compute_study(config: StudyConfig, folder: Path, report: Report) -> StudyRes
     """
     engine = config.load_engine()
     chain = Chain(folder=folder, origin=fingerprint(config, engine.content_digest), report=report)
-    ends = [NUMBERS_SHARE * part for part in (0.0, 0.02, 0.2, 0.25, 0.5, 0.75, 0.8, 0.85, 0.9, 0.95, 0.98, 1.0)]
-    shares = iter(zip(ends[:-1], ends[1:], strict=True))
+    ends = [NUMBERS_SHARE * part for part in (0.0, 0.02, 0.2, 0.23, 0.25, 0.5, 0.75, 0.8, 0.85, 0.9, 0.95, 0.98, 1.0)]
+    shares = itertools.pairwise(ends)
 
-    def within(share: tuple[float, float], name: str) -> "steps.Progress":
+    def within(share: tuple[float, float], name: str) -> Progress:
         return lambda part: report(name, share[0] + part * (share[1] - share[0]))
 
     point = chain.step("operating-point", lambda: steps.find_point(engine, config), share=next(shares))
     found_range = chain.step("steady-map", lambda: steps.find_range(engine, config), share=next(shares))
     stepped = chain.step("throttle-steps", lambda: steps.run_steps(engine, point, config), point, share=next(shares))
+    sine = chain.step("sinusoid", lambda: steps.run_sine(engine, point, config), point, share=next(shares))
     share = next(shares)
     response = chain.step(
         "frequency-response", lambda: steps.find_response(engine, point, config, within(share, "frequency-response")), point, share=share
@@ -67,6 +70,7 @@ def compute_study(config: StudyConfig, folder: Path, report: Report) -> StudyRes
         steps=stepped,
         spectra=spectra,
         linearity=judge_linearity((response,), spectra),
+        sine=sine,
         response=response,
         models=models,
         table_models=table_models,

@@ -12,6 +12,7 @@ from revline.studies.results import (
     ModelsResult,
     PointResult,
     RangeResult,
+    SineRecord,
     StepsResult,
 )
 
@@ -25,6 +26,7 @@ class StudyResults:
     steps: StepsResult
     spectra: tuple[SpectralCheck, ...]
     linearity: LinearityVerdict
+    sine: SineRecord
     response: Sinestream
     models: ModelsResult
     table_models: tuple[ModelsResult, ...]

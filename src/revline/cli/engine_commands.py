@@ -1,0 +1,156 @@
+"""Commands about engines at rest: engines, trim, map, linearize."""
+
+from typing import Annotated
+
+import typer
+
+from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption, ThrottleOption
+from revline.cli.shell import Facts, Grid, Shell, show_roots
+from revline.errors import InvalidInputError
+
+MOST_POINTS = 100_001
+
+
+def engines(
+    *,
+    name: Annotated[str | None, typer.Argument(metavar="[NAME|FILE]", help="Engine whose parameters to print.", show_default=False)] = None,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """List the built-in engines, or print one's parameters as an engine file (TOML) with units, meanings and sources.
+
+    The file printed is complete: change a number and give the file to any command as --engine.
+    """
+    import tomllib
+
+    from revline.engine.catalogue import ENGINES
+    from revline.io.engine_files import format_engine, load_engine
+
+    shell = Shell(json=json, quiet=quiet)
+    if name is None:
+        record: dict[str, object] = {"engines": [{"name": entry.name, "description": entry.description} for entry in ENGINES]}
+        shell.show(record, Grid("", ("engine", "what it is"), [(entry.name, entry.description) for entry in ENGINES]))
+        return
+    text = format_engine(load_engine(name))
+    shell.show(tomllib.loads(text), text.rstrip("\n"))
+
+
+def trim(
+    *,
+    throttle: Annotated[float | None, typer.Option("--throttle", metavar="DEG", help="Throttle angle [deg], 0 to 90.")] = None,
+    speed: Annotated[float | None, typer.Option("--speed", metavar="RAD_S", help="Engine speed [rad/s]; the throttle is found.")] = None,
+    load: LoadOption = 0.0,
+    engine: EngineOption = DEFAULT_ENGINE,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Find the steady operating point at a throttle angle or at a speed, under a load, and say whether it is stable."""
+    from revline.analysis.linearize import linearize as linearize_system
+    from revline.analysis.trim import find_trim
+    from revline.io.engine_files import load_engine
+    from revline.io.point_records import trim_record, trim_warnings
+    from revline.units import speed_to_rpm
+
+    shell = Shell(json=json, quiet=quiet)
+    plant = load_engine(engine)
+    if throttle is not None and speed is None:
+        point = find_trim(plant, inputs={"throttle": throttle, "load_torque": load})
+    elif speed is not None and throttle is None:
+        point = find_trim(plant, inputs={"load_torque": load}, outputs={"engine_speed": speed}, free=("throttle",))
+    else:
+        message = "give either --throttle or --speed: one is known, the other is found"
+        raise InvalidInputError(message)
+    model = linearize_system(plant, point).model
+    shell.warn(*trim_warnings(point))
+    found = point.output("engine_speed")
+    rows: list[tuple[str, float | str, str]] = [
+        ("throttle", point.input("throttle"), "deg"),
+        ("load torque", point.input("load_torque"), "N m"),
+        ("engine speed", found, f"rad/s = {speed_to_rpm(found):.6g} rpm"),
+        ("manifold pressure", point.output("manifold_pressure"), "kPa"),
+        ("gain at rest", model.static_gain("throttle", "engine_speed"), "rad/s per deg"),
+        *((f"lag of {v.name.replace('_', ' ')}", point.lag(v.name), "s") for v in point.channel_variables),
+        ("stable", "yes" if point.stable else f"no, {point.unstable_count} unstable roots", ""),
+        ("residual", point.residual, "1/s"),
+    ]
+    shell.show(trim_record(point, model), Facts(f"Trim of {point.system}", rows))
+
+
+def steady_map(
+    *,
+    low: Annotated[float, typer.Option("--from", metavar="DEG", help="Lowest throttle angle [deg].")] = 0.0,
+    high: Annotated[float, typer.Option("--to", metavar="DEG", help="Highest throttle angle [deg].")] = 90.0,
+    points: Annotated[int, typer.Option("--points", min=2, max=MOST_POINTS, help="How many angles, evenly spaced.")] = 91,
+    load: LoadOption = 0.0,
+    engine: EngineOption = DEFAULT_ENGINE,
+    out: OutOption = None,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Map the steady states over the throttle: speed, pressure, torques and stability, and where steady states end.
+
+    Angles without a steady state are left out and named in the warnings. The column `stable` of the file is 1 or 0.
+    """
+    import numpy as np
+
+    from revline.analysis.steady_map import find_steady_map
+    from revline.io.engine_files import load_engine
+    from revline.io.point_records import format_map, map_record
+
+    shell = Shell(json=json, quiet=quiet)
+    shell.prepare(out, "map")
+    with shell.busy("steady states"):
+        found = find_steady_map(
+            load_engine(engine),
+            sweep_input="throttle",
+            values=np.linspace(low, high, points),
+            output="engine_speed",
+            inputs={"load_torque": load},
+        )
+    shell.write(out, format_map(found, load=load), "map")
+    shell.warn(*found.warnings)
+    rows = [
+        (trim.input("throttle"), trim.output("engine_speed"), trim.output("manifold_pressure"), "yes" if trim.stable else "no")
+        for trim in found.trims
+    ]
+    header = ("throttle [deg]", "speed [rad/s]", "pressure [kPa]", "stable")
+    shell.show(map_record(found, load=load), Grid(f"Steady states of {found.system}", header, rows), text_on=out)
+
+
+def linearize(
+    *,
+    throttle: ThrottleOption,
+    load: LoadOption = 0.0,
+    engine: EngineOption = DEFAULT_ENGINE,
+    out: OutOption = None,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Linearise an engine exactly about its trim: matrices and delays, nothing approximated.
+
+    dx/dt = A x + Bu u + Bz zd, y = Cy x + Dyu u + Dyz zd, z = Cz x + Dzu u + Dzz zd, zd_i(t) = z_i(t - lag_i).
+    """
+    from revline.analysis.linearize import linearize as linearize_system
+    from revline.analysis.trim import find_trim
+    from revline.io.engine_files import load_engine
+    from revline.io.json_files import format_json
+    from revline.io.point_records import linearization_record
+
+    shell = Shell(json=json, quiet=quiet)
+    shell.prepare(out, "linear model")
+    plant = load_engine(engine)
+    point = find_trim(plant, inputs={"throttle": throttle, "load_torque": load})
+    found = linearize_system(plant, point)
+    record = linearization_record(found, point)
+    shell.write(out, format_json(record), "linear model")
+    shell.warn(*(str(kink) for kink in found.kinks))
+    model = found.model
+    rows: list[tuple[str, float | str, str]] = [
+        ("states", ", ".join(f"{s.name} [{s.unit}]" for s in model.states), ""),
+        ("inputs", ", ".join(f"{s.name} [{s.unit}]" for s in model.inputs), ""),
+        *((f"lag of {c.name}", float(lag), "s") for c, lag in zip(model.channels, model.lags, strict=True)),
+        ("gain at rest", model.static_gain("throttle", "engine_speed"), "rad/s per deg"),
+        ("right-most root", show_roots(point.roots.roots[:1]), "rad/s"),
+        ("stable", "yes" if point.stable else f"no, {point.unstable_count} unstable roots", ""),
+    ]
+    shell.show(record, Facts(f"Linear model of {point.system} at {throttle:g} deg, {load:g} N m", rows), text_on=out)

@@ -1,0 +1,289 @@
+"""Which function draws which figure of the study, with which data. The numbering is that of Lee (1995)."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from revline.analysis.cycle_readings import ReadingMethod
+from revline.design.linear_loop import closed_loop_response
+from revline.design.outcome import Diverged
+from revline.design.step_measures import StepMeasures
+from revline.engine import air, torque
+from revline.engine.lee1995 import EngineParameters, lee1995_parameters
+from revline.errors import NotSettledError
+from revline.lti.response import FrequencyResponse
+from revline.report.bode import BodeTrace, ErrorTrace, plot_bode, plot_closed_loop_bode, plot_phase_line, plot_response_errors
+from revline.report.curves import View, plot_curves, plot_curves_with_detail
+from revline.report.loops import LoopTrace, plot_loop
+from revline.report.notes import Note
+from revline.report.parts import Curve, Level
+from revline.report.poles import PoleSet, plot_poles
+from revline.report.responses import Command, TangentTrace, plot_divergence, plot_step_response, plot_tangents
+from revline.report.spectrum import plot_spectrum
+from revline.report.steady import StraightLine, plot_steady_map
+from revline.report.style import DATA, MODELS, PLANT, PUBLISHED, Quantity
+from revline.studies.config import StudyConfig
+from revline.studies.results import ErrorRecord, Floats, LoopRow, TimeRecord, title
+from revline.studies.steps import table_response
+from revline.studies.study_results import StudyResults
+
+TIME = Quantity("time", "s")
+THROTTLE = Quantity("throttle angle", "deg")
+SPEED = Quantity("engine speed", "rad/s")
+PRESSURE = Quantity("manifold pressure", "kPa")
+ERROR = Quantity("speed error, model less engine", "rad/s")
+
+LOOP_WINDOWS = MappingProxyType({"c1": 4.0, "c2": 3.0, "c2d": 4.0, "c2d_reduced": 20.0})
+"""How long each controller's answer is shown, in s."""
+
+BODE_POINTS = 400
+
+
+class FigureCall(NamedTuple):
+    """A function that draws, and its arguments."""
+
+    function: Callable[..., Any]
+    arguments: tuple[Any, ...]
+    options: Mapping[str, Any]
+
+
+def _call(function: Callable[..., Any], *arguments: Any, **options: Any) -> FigureCall:
+    return FigureCall(function, arguments, options)
+
+
+def figure_calls(config: StudyConfig, results: StudyResults) -> dict[str, FigureCall]:
+    """All figures by their number."""
+    engine = lee1995_parameters(config.load_engine())
+    return {
+        **_relations(engine),
+        **_steps(results),
+        **_steady(results),
+        **_spectra(config, results),
+        **_bode(config, results),
+        **_linear_loops(results),
+        **_engine_loops(results),
+        **_errors(results),
+    }
+
+
+def _relations(p: EngineParameters) -> dict[str, FigureCall]:
+    ratio, angle = np.linspace(0.0, 1.0, 201), np.linspace(0.0, 90.0, 361)
+    mixture, advance = np.linspace(10.0, 18.0, 161), np.linspace(-30.0, 30.0, 121)
+    none = Quantity
+    return {
+        "3.2": _call(
+            plot_curves,
+            [_relation(ratio, lambda v: air.pressure_influence(p.throttle, v * p.throttle.ambient_pressure))],
+            none("manifold over ambient pressure", "1"),
+            none("pressure-ratio influence PRI", "1"),
+        ),
+        "3.3": _call(
+            plot_curves,
+            [_relation(angle, lambda v: air.throttle_characteristic(p.throttle, v))],
+            THROTTLE,
+            none("throttle characteristic TC", "1"),
+        ),
+        "3.4": _call(
+            plot_curves,
+            [_relation(mixture, lambda v: torque.mixture_influence(p.mixture, v))],
+            none("air/fuel ratio", "1"),
+            none("air/fuel influence AFI", "1"),
+        ),
+        "3.5": _call(
+            plot_curves,
+            [_relation(advance, lambda v: torque.spark_influence(p.spark, v))],
+            none("spark advance relative to MBT", "deg"),
+            none("spark influence SI", "1"),
+        ),
+    }
+
+
+def _relation(x: Floats, relation: Callable[[float], float]) -> Curve:
+    return Curve(x=x, y=np.array([relation(float(value)) for value in x]), look=PLANT)
+
+
+def _steps(results: StudyResults) -> dict[str, FigureCall]:
+    steps = results.steps
+
+    def curves(records: tuple[TimeRecord, ...], pick: Callable[[TimeRecord], Floats]) -> list[Curve]:
+        return [
+            Curve(x=r.times, y=pick(r), label=f"step of {size:g} deg", look=MODELS[k])
+            for k, (size, r) in enumerate(zip(steps.sizes, records, strict=True))
+        ]
+
+    return {
+        "3.7": _call(plot_curves, curves(steps.held, lambda r: r.throttle), TIME, THROTTLE, view=View(x=(0.0, 2.0))),
+        "3.8": _call(plot_curves, curves(steps.held, lambda r: r.pressure), TIME, PRESSURE, view=View(x=(0.4, 1.2))),
+        "3.9": _call(plot_curves, curves(steps.free, lambda r: r.speed), TIME, SPEED),
+    }
+
+
+def _steady(results: StudyResults) -> dict[str, FigureCall]:
+    steady, line, trim = results.range.steady_map, results.range.line, results.point.trim
+    outputs = np.array([t.output("engine_speed") for t in steady.trims])
+    stable = np.array([float(t.stable) for t in steady.trims])
+    note = Note(trim.input("throttle"), trim.output("engine_speed"), "operating point")
+    straight = StraightLine(line.slope, line.intercept, line.low, line.high)
+    chosen = (np.array(line.values) >= line.low) & (np.array(line.values) <= line.high)
+    return {
+        "4.1": _call(plot_steady_map, steady.values, outputs, stable, THROTTLE, SPEED, point=note),
+        "4.2a": _call(plot_steady_map, steady.values, outputs, stable, THROTTLE, SPEED, point=note, line=straight),
+        "4.2b": _call(
+            plot_curves,
+            [Curve(x=np.array(line.values)[chosen], y=np.array(line.errors)[chosen], look=MODELS[0])],
+            THROTTLE,
+            Quantity("speed less straight line", "rad/s"),
+            levels=[Level(0.0)],
+        ),
+    }
+
+
+def _spectra(config: StudyConfig, results: StudyResults) -> dict[str, FigureCall]:
+    calls = {}
+    numbers = ("4.5", "4.6", "4.4", "4.7", "4.8", "4.9")
+    for number, check in zip(numbers, results.spectra, strict=False):
+        spectrum = check.spectrum
+        shown = spectrum.omega <= 8.0 * check.omega
+        calls[number] = _call(
+            plot_spectrum,
+            spectrum.omega[shown],
+            spectrum.amplitude[shown],
+            input_frequency=check.omega,
+            peak_frequency=spectrum.peak_omega,
+            peak=spectrum.peak_amplitude,
+            magnitude=Quantity("amplitude of the speed", "rad/s"),
+        )
+    omega = results.sine.frequency
+    times = results.sine.times
+    base = f"sinusoid at {omega:g} rad/s about {config.throttle_deg:g} deg"
+    calls["4.3a"] = _call(
+        plot_curves, [Curve(x=times, y=results.sine.throttle, look=PLANT)], TIME, THROTTLE, levels=[Level(config.throttle_deg, base)]
+    )  # fmt: skip
+    calls["4.3b"] = _call(
+        plot_curves,
+        [Curve(x=times, y=results.sine.speed, look=PLANT)],
+        TIME,
+        Quantity("speed less its initial value", "rad/s"),
+        levels=[Level(0.0)],
+    )
+    return calls
+
+
+def _model_response(results: StudyResults, name: str) -> FrequencyResponse:
+    omega = results.response.omega
+    return results.models.fit(name).fit.model.response(np.geomspace(omega[0], omega[-1], BODE_POINTS))
+
+
+def _bode(config: StudyConfig, results: StudyResults) -> dict[str, FigureCall]:
+    engine = BodeTrace(results.response.response(ReadingMethod.FOURIER), "engine, fundamental", DATA)
+    beside = [BodeTrace(table_response(), "Table 4.1 of Lee (1995)", PUBLISHED)] if config.is_the_thesis else []
+    exact = BodeTrace(results.point.exact, "engine, exact small-signal", MODELS[0])
+    calls = {"4.10": _call(plot_bode, [engine, *beside, exact])}
+    for number, name in (("4.11", "g1"), ("4.12", "g2"), ("4.14", "g2d")):
+        fit = results.models.fit(name).fit
+        calls[f"{number}a"] = _call(plot_bode, [engine, BodeTrace(_model_response(results, name), title(name), MODELS[1])])
+        trace = ErrorTrace(fit.data.omega, fit.magnitude_error_db, fit.phase_error_deg, title(name))
+        calls[f"{number}b"] = _call(plot_response_errors, [trace])
+    line = results.models.fit("g2d").fit.phase_line
+    calls["4.13"] = _call(plot_phase_line, line.omega, line.difference_deg, slope=line.slope, intercept_deg=line.intercept_deg)
+    calls["6.1"] = _call(plot_poles, [PoleSet(results.models.fit(name).fit.model.poles, title(name)) for name in ("g2", "g3", "g4")])
+    return calls
+
+
+def _linear_loops(results: StudyResults) -> dict[str, FigureCall]:
+    calls = {}
+    for number, controller, plant in (
+        ("5.1", "c1", "g1"), ("5.4", "c2", "g2"), ("5.5", "c2d", "g2d"),
+        ("5.12", "c1", "g2d"), ("5.13", "c2", "g2d"), ("5.14", "c2d_reduced", "g2"),
+    ):  # fmt: skip
+        calls[number] = _linear_step(results.loops.row(controller, plant))
+    for number, controller, plant in (("5.2", "c1", "g1"), ("5.6", "c2", "g2"), ("5.7", "c2d", "g2d")):
+        row = results.loops.row(controller, plant)
+        response = closed_loop_response(results.models.fit(plant).fit.model, row.run.gains, np.geomspace(0.1, 300.0, BODE_POINTS))
+        calls[number] = _call(
+            plot_closed_loop_bode, [BodeTrace(response, f"{title(plant)} with {title(controller)}")], bandwidth=row.bandwidth
+        )
+    traces = []
+    for name in ("g2", "g2d"):
+        model, tangent = results.models.fit(name).fit.model, results.controllers.tangents[name]
+        times = np.linspace(0.0, 4.0, 801)
+        traces.append(
+            TangentTrace(
+                times=times,
+                values=model.step_response(times),
+                dead_time=tangent.dead_time,
+                rise_time=tangent.rise_time,
+                final_value=tangent.final_value,
+                label=title(name),
+            )
+        )
+    calls["5.3"] = _call(plot_tangents, traces, Quantity("speed for a step of 1 deg", "rad/s"))
+    return calls
+
+
+def _linear_step(row: LoopRow) -> FigureCall:
+    """A linear loop's answer to a unit step of the command."""
+    run = row.run
+    output = (run.output - run.start) / run.command
+    quantity = Quantity("speed over its command", "1")
+    if isinstance(run.outcome, Diverged):
+        return _call(plot_divergence, run.times, output, Command(0.0, 1.0), quantity)
+    until = min({"c1": 1.0, "c2": 0.6, "c2d": 2.5, "c2d_reduced": 20.0}.get(row.controller, 4.0), float(run.times[-1]))
+    try:
+        measures = run.measures()
+    except NotSettledError:
+        return _call(plot_step_response, run.times, output, Command(0.0, 1.0), quantity, until=until)
+    scaled = _scaled(measures, run.start, run.command)
+    return _call(plot_step_response, run.times, output, Command(0.0, 1.0), quantity, measures=scaled, until=until)
+
+
+def _scaled(measures: StepMeasures, start: float, command: float) -> StepMeasures:
+    return replace(measures, peak=(measures.peak - start) / command, steady_error=measures.steady_error / command)
+
+
+def _engine_loops(results: StudyResults) -> dict[str, FigureCall]:
+    calls = {}
+    for number, controller in (("5.9", "c1"), ("5.10", "c2"), ("5.11", "c2d"), ("5.15", "c2d_reduced")):
+        run = results.loops.row(controller, "engine").run
+        trace = LoopTrace(
+            times=run.times,
+            output=run.output,
+            control=run.control,
+            start=run.start,
+            target=run.target,
+            low=run.limits.low,
+            high=run.limits.high,
+            outcome=run.outcome,
+        )
+        until = min(LOOP_WINDOWS[controller], float(run.times[-1]))
+        calls[number] = _call(plot_loop, trace, SPEED, THROTTLE, until=until)
+    return calls
+
+
+def _errors(results: StudyResults) -> dict[str, FigureCall]:
+    def error_curves(record: ErrorRecord) -> list[Curve]:
+        return [
+            Curve(x=record.times, y=e, label=title(n), look=MODELS[k])
+            for k, (n, e) in enumerate(zip(record.models, record.errors, strict=True))
+        ]
+
+    step, *sines = results.errors.records
+    calls = {
+        "6.2": _call(
+            plot_curves_with_detail,
+            error_curves(step),
+            TIME,
+            ERROR,
+            levels=[Level(0.0)],
+            view=View(x=(0.4, 2.5)),
+            detail=View(x=(step.start - 0.01, step.start + 0.15)),
+        ),
+        "6.3": _call(plot_curves, [Curve(x=step.times, y=step.speed, look=PLANT)], TIME, Quantity("speed less its initial value", "rad/s")),
+    }
+    for number, record in zip(("6.4", "6.5"), sines, strict=False):
+        cycles = 8.0 * 2.0 * np.pi / record.frequency
+        calls[number] = _call(plot_curves, error_curves(record), TIME, ERROR, levels=[Level(0.0)], view=View(x=(0.0, max(2.0, cycles))))
+    return calls

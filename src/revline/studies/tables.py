@@ -1,0 +1,122 @@
+"""The study's tables as values: for the report, and as CSV files with a unit in every column."""
+
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+
+from revline.design.closed_loop import describe_outcome
+from revline.design.outcome import LimitCycle
+from revline.report.tables import NumberColumn, Table
+from revline.studies.config import StudyConfig, read_table_4_1
+from revline.studies.results import LoopRow, ModelsResult, title
+from revline.studies.study_results import StudyResults
+
+Cell = float | str | None
+
+
+def study_tables(config: StudyConfig, results: StudyResults) -> tuple[Table, ...]:
+    """All tables of a study."""
+    return tuple(_tables(config, results))
+
+
+def _tables(config: StudyConfig, results: StudyResults) -> Iterator[Table]:
+    yield steady_table(results)
+    for size, record in zip(results.steps.sizes, results.steps.free, strict=True):
+        yield _table(f"step_{size:g}_deg", ("time_s", "throttle_deg", "manifold_pressure_kpa", "engine_speed_rad_s"), record)
+    yield response_table(config, results)
+    yield from (_spectrum_table(check.omega, check.spectrum.omega, check.spectrum.amplitude) for check in results.spectra)
+    yield models_table("models", results.models)
+    for models in results.table_models:
+        yield models_table("models_from_table_4_1", models)
+    yield controllers_table(results)
+    yield loops_table(results)
+    for row in results.loops.rows:
+        run = row.run
+        yield _table(f"loop_{row.controller}_{row.plant}", ("time_s", "speed_rad_s", "throttle_deg"), (run.times, run.output, run.control))
+
+
+def _table(name: str, columns: tuple[str, ...], arrays: Sequence[np.ndarray]) -> Table:
+    return make_table(name, columns, (tuple(float(v) for v in row) for row in zip(*arrays, strict=True)))
+
+
+def make_table(name: str, headers: Sequence[str], rows: Iterable[tuple[Cell, ...]]) -> Table:
+    """Make a table of columns whose headers hold their units, as in "speed_rad_s"."""
+    columns = tuple(NumberColumn(name=header, heading=header) for header in headers)
+    return Table(name=name, columns=columns, rows=tuple(rows))
+
+
+def steady_table(results: StudyResults) -> Table:
+    """The steady map."""
+    steady = results.range.steady_map
+    rows = tuple(
+        (float(angle), trim.output("engine_speed"), trim.state("manifold_pressure"), "yes" if trim.stable else "no")
+        for angle, trim in zip(steady.values, steady.trims, strict=True)
+    )
+    return make_table("steady_map", ("throttle_deg", "engine_speed_rad_s", "manifold_pressure_kpa", "stable"), rows)
+
+
+def response_table(config: StudyConfig, results: StudyResults) -> Table:
+    """The frequency response by all methods, beside Table 4.1 where it is the thesis's."""
+    stream, exact = results.response, results.point.exact
+    columns = ["frequency_rad_s", "peaks_amplitude_rad_s", "peaks_phase_deg", "fourier_amplitude_rad_s", "fourier_phase_deg"]
+    columns += ["exact_amplitude_rad_s", "exact_phase_deg", "distortion_1", "mean_speed_rad_s"]
+    arrays = [stream.omega, stream.peak_amplitude, stream.peaks.phase_deg, stream.amplitude, stream.phase_deg]
+    arrays += [exact.magnitude * config.amplitude_deg, exact.phase_deg, stream.distortion, stream.mean]
+    if config.is_the_thesis and len(read_table_4_1()) == len(stream.omega):
+        columns += ["table_4_1_amplitude_rad_s", "table_4_1_phase_deg"]
+        arrays += [
+            np.array([r["speed_amplitude_rad_s"] for r in read_table_4_1()]),
+            -np.array([r["phase_lag_deg"] for r in read_table_4_1()]),
+        ]
+    return _table("frequency_response", tuple(columns), arrays)
+
+
+def _spectrum_table(omega: float, frequencies: np.ndarray, amplitude: np.ndarray) -> Table:
+    shown = frequencies <= 12.0 * omega
+    return _table(f"spectrum_{omega:g}_rad_s", ("frequency_rad_s", "amplitude_rad_s"), (frequencies[shown], amplitude[shown]))
+
+
+def models_table(name: str, models: ModelsResult) -> Table:
+    """Coefficients, delay, errors and verdict of all models; coefficients in ascending powers of s."""
+    width = max(len(named.fit.model.denominator) for named in models.fits)
+    columns = ("model", "numerator_0_rad_s_deg", "numerator_1_rad_deg", *(f"denominator_{k}_s{k}" for k in range(width)))
+    columns += ("delay_s", "largest_magnitude_error_db", "largest_phase_error_deg", "verdict")
+    rows: list[tuple[Cell, ...]] = []
+    for named, verdict in zip(models.fits, models.verdicts, strict=True):
+        model = named.fit.model
+        numerator = (*model.numerator, 0.0)[:2]
+        denominator = (*model.denominator, *[0.0] * width)[:width]
+        errors = (named.fit.max_magnitude_error_db, named.fit.max_phase_error_deg)
+        rows.append((title(named.name), *numerator, *denominator, model.delay, *errors, verdict.text))
+    return make_table(name, columns, tuple(rows))
+
+
+def controllers_table(results: StudyResults) -> Table:
+    """Gains and where they come from."""
+    rows = tuple((name, g.kp, g.ki, g.kd, g.rule, g.designed_on) for name, g in results.controllers.gains.items())
+    columns = ("controller", "kp_deg_s_rad", "ki_deg_rad", "kd_deg_s2_rad", "rule", "designed_on")
+    return make_table("controllers", columns, rows)
+
+
+def loops_table(results: StudyResults) -> Table:
+    """How each closed loop ends; numbers that a loop does not have are left empty."""
+    columns = (
+        "controller",
+        "plant",
+        "outcome",
+        "overshoot_1",
+        "bandwidth_rad_s",
+        "cycle_low_rad_s",
+        "cycle_high_rad_s",
+        "cycle_period_s",
+        "text",
+    )
+    return make_table("closed_loops", columns, tuple(_loop_cells(row) for row in results.loops.rows))
+
+
+def _loop_cells(row: LoopRow) -> tuple[Cell, ...]:
+    outcome = row.run.outcome
+    cycle: tuple[Cell, ...] = (outcome.low, outcome.high, outcome.period) if isinstance(outcome, LimitCycle) else (None, None, None)
+    overshoot: Cell = row.run.overshoot if outcome.name in {"settled", "limit-cycle"} else None
+    bandwidth: Cell = row.bandwidth if row.bandwidth > 0.0 else None
+    return (row.controller, row.plant, outcome.name, overshoot, bandwidth, *cycle, describe_outcome(row.run))

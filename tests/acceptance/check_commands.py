@@ -1,0 +1,297 @@
+#!/usr/bin/env python3
+"""Try every command of revline as a user would, and check values, files, exit statuses and messages.
+
+Usage: check_commands.py [REVLINE] [--self-test]. REVLINE is the program, by default the `revline` beside this Python or on the path.
+Exits 0 when all hold, prints each line that falls short, then 'N passed, M failed'. With --self-test each answer is also altered on
+purpose (a number moved, an exit status changed, a traceback added), and an altered answer that passes counts as a failure.
+Standard library only. Values: K. Lee, MSc thesis, University of Southern California, 1995, and converged computations.
+"""
+
+import copy
+import csv
+import json
+import math
+import shutil
+import subprocess
+import sys
+import tempfile
+import tomllib
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+HERE = Path(__file__).resolve().parent
+TABLE = HERE.parent / "reference" / "table_4_1.csv"
+
+
+class Value(NamedTuple):
+    """A command that must succeed: what its JSON must hold (path, value, tolerance), and what must be absent from it."""
+
+    arguments: tuple[str, ...]
+    expected: tuple[tuple[str, Any, float], ...]
+    absent: tuple[str, ...]
+
+
+class Refusal(NamedTuple):
+    """A command that must fail: its exit status, and words of its message."""
+
+    arguments: tuple[str, ...]
+    status: int
+    words: tuple[str, ...]
+
+
+class Done(NamedTuple):
+    """What a command left."""
+
+    status: int
+    out: str
+    err: str
+
+
+def refuse_constant(name: str) -> float:
+    message = f"{name} is no JSON number"
+    raise ValueError(message)
+
+
+def check_frame(done: Done, status: int) -> list[str]:
+    """What holds for every command: its exit status, and no traceback anywhere."""
+    faults = []
+    if done.status != status:
+        faults.append(f"exit status {done.status}, expected {status}: {done.err.strip()[-300:]}")
+    if "Traceback" in done.out + done.err:
+        faults.append("a traceback is shown")
+    return faults
+
+
+def find(record: Any, path: str) -> Any:
+    """Follow a dotted path of keys and positions; nothing where it ends early."""
+    for part in path.split("."):
+        if isinstance(record, dict):
+            record = record.get(part)
+        elif isinstance(record, list) and part.lstrip("-").isdigit() and -len(record) <= int(part) < len(record):
+            record = record[int(part)]
+        else:
+            return None
+    return record
+
+
+def agrees(found: Any, wanted: Any, tolerance: float) -> bool:
+    """Whether a value is the one wanted: numbers within a tolerance, all else exactly."""
+    if isinstance(wanted, float):
+        is_number = isinstance(found, int | float) and not isinstance(found, bool)
+        return is_number and math.isfinite(found) and abs(found - wanted) <= tolerance
+    return type(found) is type(wanted) and bool(found == wanted)
+
+
+def check_values(value: Value, done: Done) -> list[str]:
+    """Faults of an answer in JSON."""
+    faults = check_frame(done, 0)
+    try:
+        record = json.loads(done.out, parse_constant=refuse_constant)
+    except ValueError as error:
+        return [*faults, f"stdout is not one JSON object: {error}"]
+    for path, wanted, tolerance in value.expected:
+        found = find(record, path)
+        if not agrees(found, wanted, tolerance):
+            faults.append(f"{path} is {found!r}, expected {wanted!r} within {tolerance:g}")
+    faults += [f"{path} is there, and should be absent" for path in value.absent if find(record, path) is not None]
+    return faults
+
+
+def check_refusal(case: Refusal, done: Done) -> list[str]:
+    """Faults of an answer to input that must be refused: status, words, nothing on stdout."""
+    faults = check_frame(done, case.status)
+    if done.out:
+        faults.append(f"stdout holds {done.out[:80]!r}")
+    text = " ".join(done.err.split())
+    faults += [f"the message does not say {word!r}: {text[:300]!r}" for word in case.words if word not in text]
+    return faults
+
+
+def move(record: Any, path: str, tolerance: float) -> Any:
+    """A record with one value altered beyond its tolerance."""
+    altered = copy.deepcopy(record)
+    *way, last = path.split(".")
+    parent = find(altered, ".".join(way)) if way else altered
+    key: Any = int(last) if isinstance(parent, list) else last
+    value = parent[key]
+    if isinstance(value, bool):
+        parent[key] = not value
+    elif isinstance(value, int | float):
+        parent[key] = value + 3.0 * tolerance + 1e-9 * max(1.0, abs(value))
+    else:
+        parent[key] = f"not {value}"
+    return altered
+
+
+class Checker:
+    """Runs commands in a folder and counts what holds."""
+
+    def __init__(self, program: list[str], folder: Path, *, self_test: bool) -> None:
+        self.program, self.folder, self.self_test = program, folder, self_test
+        self.passed = 0
+        self.failures: list[str] = []
+
+    def run(self, arguments: tuple[str, ...]) -> Done:
+        done = subprocess.run([*self.program, *arguments], cwd=self.folder, capture_output=True, text=True, check=False, timeout=600)
+        return Done(done.returncode, done.stdout, done.stderr)
+
+    def record(self, title: str, faults: list[str]) -> None:
+        self.passed += not faults
+        self.failures += [f"{title}: {fault}" for fault in faults]
+
+    def must_fail(self, title: str, what: str, faults: list[str]) -> None:
+        """Count an altered answer: it must have faults."""
+        self.record(title, [] if faults else [f"self-test: {what} was not noticed"])
+
+    def try_value(self, value: Value) -> None:
+        title = " ".join(("revline", *value.arguments))
+        done = self.run(value.arguments)
+        faults = check_values(value, done)
+        self.record(title, faults)
+        if not self.self_test or faults:
+            return
+        record = json.loads(done.out)
+        for path, _, tolerance in value.expected:
+            altered = done._replace(out=json.dumps(move(record, path, tolerance)))
+            self.must_fail(title, f"an altered {path}", check_values(value, altered))
+        for what, altered in (
+            ("a wrong exit status", done._replace(status=1)),
+            ("a traceback", done._replace(err="Traceback (most recent call last):")),
+            ("NaN", done._replace(out=json.dumps({**record, "planted": math.nan}))),
+            ("text beside the JSON", done._replace(out=f"{done.out}\nwritten")),
+            ("an empty answer", done._replace(out="")),
+        ):
+            self.must_fail(title, what, check_values(value, altered))
+        for path in value.absent:
+            self.must_fail(
+                title, f"a planted {path}", check_values(value, done._replace(out=json.dumps({**record, path.split(".")[0]: 1.0})))
+            )
+
+    def try_refusal(self, case: Refusal) -> None:
+        title = " ".join(("revline", *case.arguments))
+        done = self.run(case.arguments)
+        faults = check_refusal(case, done)
+        self.record(title, faults)
+        if not self.self_test or faults:
+            return
+        for what, altered in (
+            ("success", done._replace(status=0)),
+            ("the other failure", done._replace(status=3 - case.status)),
+            ("a traceback", done._replace(err=f"{done.err}\nTraceback (most recent call last):")),
+            ("output", done._replace(out="{}")),
+            ("a message that says nothing", done._replace(err="error: no\n")),
+        ):
+            self.must_fail(title, what, check_refusal(case, altered))
+
+
+def read_rows(path: Path) -> list[dict[str, str]]:
+    """Rows of a CSV file, its comment lines left out."""
+    with path.open() as handle:
+        return list(csv.DictReader(line for line in handle if not line.startswith("#")))
+
+
+def check_files(checker: Checker) -> None:
+    """The files that the commands above wrote hold what they said."""
+    folder = checker.folder
+    faults = []
+    rows = read_rows(folder / "map.csv")
+    speeds = {float(row["throttle_deg"]): float(row["speed_rad_s"]) for row in rows}
+    for angle, speed in {10.0: 64.467, 15.0: 121.238, 20.0: 180.676, 30.0: 300.778, 40.0: 418.614, 50.0: 531.854, 60.0: 638.934}.items():
+        if abs(speeds.get(angle, math.nan) - speed) > 2e-3 or angle not in speeds:
+            faults.append(f"map.csv has {speeds.get(angle)} rad/s at {angle} deg, not {speed}")
+    stable = {float(row["throttle_deg"]): row["stable"] for row in rows}
+    if [stable.get(angle) for angle in (4.0, 5.0, 6.0, 7.0)] != ["0", "0", "1", "1"]:
+        faults.append(f"map.csv: stable is {stable}")
+    loop = read_rows(folder / "hunting.csv")
+    for row in loop[:: max(1, len(loop) // 200)]:
+        wanted = 25.0 + sum(float(row[f"{term}_deg"]) for term in ("proportional", "integral", "derivative"))
+        if abs(float(row["throttle_deg"]) - min(max(wanted, 0.0), 79.46)) > 1e-9:
+            faults.append(f"hunting.csv: the throttle at {row['time_s']} s is not the limited sum of its terms")
+    left = sorted(path.name for path in folder.rglob("*.part"))
+    if left:
+        faults.append(f"parts of files are left: {left}")
+    checker.record("files written", faults)
+
+
+def check_help(checker: Checker, tried: frozenset[str]) -> None:
+    """Each command that the help lists explains itself, with an example; none is listed that does not run."""
+    listing = checker.run(("--help",))
+    checker.record("revline --help", check_frame(listing, 0))
+    names = [line.split()[0] for line in listing.out.partition("Commands:")[2].splitlines() if line.startswith("  ") and line[2] != " "]
+    checker.record("commands tried", [f"{name} is listed and not tried here" for name in names if name not in tried | {"study", "report"}])
+    for name in names:
+        done = checker.run((name, "--help"))
+        faults = check_frame(done, 0)
+        if f"Example: revline {name}" not in " ".join(done.out.split()):
+            faults.append("there is no example")
+        checker.record(f"revline {name} --help", faults)
+
+
+def read_values(cases: dict[str, Any]) -> list[Value]:
+    """Commands that must succeed, in their order."""
+    return [
+        Value((*case["command"].split(), "--json"), tuple(tuple(entry) for entry in case["expected"]), tuple(case.get("absent", ())))
+        for case in cases["value"]
+    ]
+
+
+def read_refusals(cases: dict[str, Any]) -> list[Refusal]:
+    """Commands that must fail."""
+    return [Refusal(tuple(case["command"].split()), case["status"], tuple(case["words"])) for case in cases["refusal"]]
+
+
+def prepare_files(folder: Path, cases: dict[str, Any], engine: str) -> None:
+    """Write the files that the commands are given."""
+    for name, text in cases["files"].items():
+        (folder / name).write_text(text)
+    for name, changes in cases["engines"].items():
+        text = engine
+        for old, new in zip(changes[::2], changes[1::2], strict=True):
+            if old not in text:
+                message = f"the printed engine file has no {old!r}"
+                raise ValueError(message)
+            text = text.replace(old, new)
+        (folder / f"{name}.toml").write_text(text)
+    (folder / "table.csv").write_text(TABLE.read_text())
+    header, _, rest = TABLE.read_text().partition("\n")
+    renamed = header.replace("frequency_rad_s", "w").replace("speed_amplitude_rad_s", "a").replace("phase_lag_deg", "lag")
+    (folder / "renamed.csv").write_text(f"{renamed}\n{rest}")
+
+
+def find_program(given: list[str]) -> list[str]:
+    """The program to try."""
+    beside = Path(sys.executable).with_name("revline")
+    found = given[0] if given else str(beside) if beside.exists() else shutil.which("revline")
+    if not found:
+        message = "there is no revline beside this Python or on the path; give its path"
+        raise SystemExit(message)
+    return [str(Path(found).absolute())] if Path(found).exists() else [found]
+
+
+def main(arguments: list[str]) -> int:
+    program = find_program([argument for argument in arguments if argument != "--self-test"])
+    cases = tomllib.loads((HERE / "commands.toml").read_text())
+    values, refusals = read_values(cases), read_refusals(cases)
+    with tempfile.TemporaryDirectory(prefix="revline-") as name:
+        checker = Checker(program, Path(name), self_test="--self-test" in arguments)
+        engine = checker.run(("engines", "lee1995"))
+        checker.record("revline engines lee1995", check_frame(engine, 0))
+        prepare_files(checker.folder, cases, engine.out)
+        steps = [partial(check_help, checker, frozenset(value.arguments[0] for value in values))]
+        steps += [partial(checker.try_value, value) for value in values]
+        steps += [partial(checker.try_refusal, case) for case in refusals]
+        steps.append(partial(check_files, checker))
+        for step in steps:
+            try:
+                step()
+            except Exception as error:  # noqa: BLE001 - a checker reports, whatever it met
+                checker.record(str(step.args[-1]), [f"could not be checked: {error!r}"])
+    for line in checker.failures:
+        print(line)
+    print(f"{checker.passed} passed, {len(checker.failures)} failed")
+    return int(bool(checker.failures))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,129 @@
+"""The whole study's numbers: they hold, they are kept, and planted errors are seen."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from revline.design.outcome import LimitCycle, Settled
+from revline.errors import PartialResultError
+from revline.studies import loop_steps, steps, writing
+from revline.studies.captions import CAPTIONS, caption, figure_rows
+from revline.studies.checks import check_study
+from revline.studies.config import StudyConfig
+from revline.studies.figures import figure_calls
+from revline.studies.record import study_record
+from revline.studies.study import compute_study
+from revline.studies.study_results import StudyResults
+from revline.studies.tables import study_tables
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.mark.reference
+def test_all_checks_hold(config: StudyConfig, results: StudyResults) -> None:
+    """Against Lee (1995) and converged values; each check names what it compares with."""
+    checks = check_study(config, results)
+    assert len({check.name for check in checks}) == len(checks) >= 80
+    assert [check for check in checks if not check.passed] == []
+
+
+def test_a_wrong_number_fails_its_check(config: StudyConfig, results: StudyResults) -> None:
+    """Negative control: a response off by 1 % at one frequency, and a gain off by 0.1 %, must be seen."""
+    stream = results.response
+    values = np.array(stream.fourier.values)
+    values[9] *= 1.01  # 0.1 rad/s
+    wrong = dataclasses.replace(stream, fourier=dataclasses.replace(stream.fourier, values=values))
+    failed = {c.name for c in check_study(config, dataclasses.replace(results, response=wrong)) if not c.passed}
+    assert failed == {"fourier at 0.1 rad/s over the converged amplitude"}
+    point = dataclasses.replace(results.point, gain=1.001 * results.point.gain)
+    failed = {c.name for c in check_study(config, dataclasses.replace(results, point=point)) if not c.passed}
+    assert failed == {"static gain at 25 deg"}
+
+
+def test_another_engine_gets_its_own_checks_only(results: StudyResults) -> None:
+    other = StudyConfig(throttle_deg=26.0)
+    assert not other.is_the_thesis
+    names = {check.name for check in check_study(other, results)}
+    assert "residual of the trim" in names
+    assert not any("Table 4.1" in name for name in names)
+
+
+def test_the_record_is_plain_json(config: StudyConfig, results: StudyResults) -> None:
+    record = study_record(config, results, check_study(config, results), ["a warning"], 1.5)
+    text = json.dumps(record, allow_nan=False)
+    assert json.loads(text) == record
+    methods = {row["method"] for row in record["frequency_response"]}
+    assert methods == {"peaks", "fourier", "exact"}
+    assert all("limit_cycle" in row or row["stable"] or "diverged_at_s" in row for row in record["closed_loops"])
+    assert None not in record.values()
+
+
+def test_every_figure_has_a_call_and_a_caption(config: StudyConfig, results: StudyResults) -> None:
+    ids = {row["id"] for row in figure_rows()}
+    assert len(ids) == 45
+    assert set(figure_calls(config, results)) == ids == set(CAPTIONS)
+    assert all(len(caption(figure, results)) > 20 for figure in ids)
+
+
+def test_every_table_column_names_its_unit(config: StudyConfig, results: StudyResults) -> None:
+    words = {"model", "verdict", "controller", "plant", "rule", "designed_on", "outcome", "text", "stable"}
+    units = ("_s", "_deg", "_rad_s", "_kpa", "_1", "_db", "_rad_s_deg", "_rad_deg", "_s0", "_s1", "_s2", "_s3", "_s4")
+    for table in study_tables(config, results):
+        for column in table.columns:
+            assert column.header in words or column.header.endswith((*units, "_deg_s_rad", "_deg_rad", "_deg_s2_rad")), column.header
+
+
+def test_the_story_of_the_thesis_comes_out(results: StudyResults) -> None:
+    loops = results.loops
+    for controller, model in (("c1", "g1"), ("c2", "g2")):
+        assert isinstance(loops.row(controller, model).run.outcome, Settled)
+        assert isinstance(loops.row(controller, "engine").run.outcome, LimitCycle)
+    assert isinstance(loops.row("c2d", "engine").run.outcome, Settled)
+    assert any("did not tell" in line for line in results.guidelines)
+
+
+def test_kept_steps_give_the_same_study(
+    config: StudyConfig, results: StudyResults, study_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def forbidden(*_: object) -> None:
+        pytest.fail("a kept step was computed again")
+
+    for name in ("find_point", "find_range", "run_steps", "run_sine", "find_response", "fit_models", "design_controllers"):
+        monkeypatch.setattr(steps, name, forbidden)
+    for name in ("run_loops", "find_errors"):
+        monkeypatch.setattr(loop_steps, name, forbidden)
+    again = compute_study(config, study_folder, lambda _, __: None)
+    assert np.array_equal(again.response.fourier.values, results.response.fourier.values)
+    assert again.guidelines == results.guidelines
+
+
+def test_an_interrupted_study_says_so_and_goes_on(
+    config: StudyConfig, results: StudyResults, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert results.point.trim.stable  # the kernels are compiled by now
+    calls = []
+    whole = steps.find_range
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(steps, "find_range", interrupted)
+    with pytest.raises(PartialResultError, match=r"partial.*operating-point.*run the same command again"):
+        writing.run_study(config, tmp_path)
+    partial = json.loads((tmp_path / "results.json").read_text())
+    assert partial["partial"] is True
+    assert partial["finished_steps"] == ["operating-point"]
+
+    def counted(*arguments: object) -> object:
+        calls.append("point")
+        return arguments
+
+    monkeypatch.setattr(steps, "find_point", counted)
+    monkeypatch.setattr(steps, "find_range", whole)
+    monkeypatch.setattr(steps, "run_steps", interrupted)
+    with pytest.raises(PartialResultError, match="steady-map"):
+        writing.run_study(config, tmp_path)
+    assert calls == []
