@@ -101,7 +101,7 @@ def start_model(
         stderr=subprocess.PIPE,
         text=True,
         env={**variables, "NUMBA_CACHE_DIR": str(folder / "cache"), "NUMBA_OPT": "0", **environment},
-        preexec_fn=obey,
+        preexec_fn=obey,  # noqa: PLW1509 - these tests start no threads
     )
 
 
