@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from revline import signals
 from revline.dde.simulate import Options, Start, Trajectory, simulate
 from revline.design.outcome import Stalled
-from revline.errors import LagError, SimulationError, StalledError, out_of_range
+from revline.errors import LagError, SimulationError, StalledError, StepError, out_of_range
 from revline.system import DelaySystem
 
 Floats = NDArray[np.float64]
@@ -71,6 +71,7 @@ def simulate_loop(loop: DelaySystem, start: Start, command: float, mesh: Mesh, *
 
     Raises:
         InvalidInputError: the step is not below the smallest lag at the start, or there would be too many of them.
+        StepError: a lag fell below the step.
         SimulationError: the loop fails within its first step, so that there is no record.
     """
     check_steps(mesh)
@@ -109,6 +110,8 @@ def _simulate_as_far_as_it_goes(
     step = mesh.spacing / mesh.pieces
     try:
         return simulate(loop, start, drive, until=mesh.until, step=step, options=Options(every=mesh.pieces)), None
+    except StepError:
+        raise
     except LagError as error:
         if halvings > 0:
             return _simulate_as_far_as_it_goes(loop, start, drive, mesh._replace(pieces=2 * mesh.pieces), halvings - 1)

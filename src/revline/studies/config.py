@@ -27,6 +27,11 @@ NUMBERS = (
     ("command_rad_s", "rad/s"),
 )
 BUILT_IN = "lee1995"
+SPECTRA = 6
+"""How many spectra a study has: each has its figure."""
+
+FULL_THROTTLE = 90.0
+"""Angle of the open throttle, in deg."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,14 +90,30 @@ class StudyConfig:
         if len(self.frequencies) < 8 or min(self.frequencies) <= 0.0 or np.any(np.diff(self.frequencies) <= 0.0):
             message = "study.frequencies_rad_s must be at least 8 rising frequencies above 0 rad/s"
             raise InvalidInputError(message)
-        if not self.spectrum_frequencies or min(self.spectrum_frequencies) <= 0.0:
-            message = "study.spectrum_frequencies_rad_s must be frequencies above 0 rad/s"
+        spectra = self.spectrum_frequencies
+        if len(spectra) != SPECTRA or min(spectra) <= 0.0 or np.any(np.diff(spectra) <= 0.0):
+            message = (
+                f"study.spectrum_frequencies_rad_s must be {SPECTRA} rising frequencies above 0 rad/s, one for each of Figs 4.4 to 4.9"
+            )
             raise InvalidInputError(message)
+        if not self.steps_deg or not all(self.steps_deg):
+            message = "study.steps_deg must be one or more throttle steps other than 0 deg"
+            raise InvalidInputError(message)
+        ends = self.throttle_deg - self.half_range_deg, self.throttle_deg + self.half_range_deg
+        if not 0.0 <= ends[0] < ends[1] <= FULL_THROTTLE:
+            given = f"study.half_range_deg = {self.half_range_deg:g} deg about {self.throttle_deg:g} deg"
+            message = f"{given} reaches outside 0 to {FULL_THROTTLE:g} deg; make it smaller"
+            raise InvalidInputError(message, low=ends[0], high=ends[1])
 
     @property
     def is_the_thesis(self) -> bool:
         """Whether engine and operating point are those of Lee (1995), so that its numbers can be set beside."""
         return (self.engine, self.throttle_deg, self.load_n_m, self.amplitude_deg) == (BUILT_IN, 25.0, 0.0, 5.0)
+
+    @property
+    def asks_what_the_thesis_asked(self) -> bool:
+        """Whether every question is that of Lee (1995), so that its numbers can be checked and not only shown."""
+        return self == StudyConfig()
 
     @property
     def starting_gains_g2(self) -> StartingGains | None:
