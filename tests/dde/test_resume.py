@@ -55,7 +55,7 @@ def assert_same(whole: Trajectory, parts: list[Trajectory]) -> None:
     chunk=st.integers(1, 250),
     begin=st.sampled_from([0.0, -3.7, 1e4]),
 )
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 def test_a_run_in_parts_is_the_whole_run(name: str, stops: list[int], every: int, chunk: int, begin: float) -> None:
     system, given_signals, origin = probe(LOOP), {"u": SIGNALS[name]}, start(1.0, time=begin)
     whole = simulate(system, origin, given_signals, until=begin + STEPS * STEP, step=STEP, options=Options(every=every))
@@ -64,7 +64,7 @@ def test_a_run_in_parts_is_the_whole_run(name: str, stops: list[int], every: int
 
 
 @given(stops=st.lists(st.integers(1, 2999), min_size=1, max_size=3, unique=True).map(sorted), chunk=st.integers(1, 2000))
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 def test_an_engine_run_in_parts_is_the_whole_run(stops: list[int], chunk: int) -> None:
     engine = lee1995()
     begin = Start(states=np.array([35.8072, 240.799]), inputs=engine.input_vector())

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from revline.dde import events, stepping
-from revline.dde.compiling import compile_kernel
+from revline.dde.compiling import Layout, compile_kernel
 from revline.dde.history import SMOOTH, begin_segment, read_cubic, read_linear
 from revline.dde.memory import load_tuple, loader_of, parameter_type, samples_of, store_tuple
-from revline.dde.run import AT_BREAK, DONE, NEEDS_ROOM, REFUSED, Floats, Record
+from revline.dde.run import AT_BREAK, DONE, NEEDS_ROOM, REFUSED, Floats, Record, state_type
 from revline.dde.tableau import RK4, Tableau
 from revline.equations import Equation
 from revline.system import DelaySystem
@@ -59,7 +59,7 @@ class Specialisation:
 
     digest: str
     sizes: tuple[int, int, int, int]
-    parameters: Any
+    layout: Layout
     method: Method
     chained: bool
     equations: tuple[Equation, Equation, Equation, Equation] = field(compare=False, repr=False)
@@ -83,7 +83,7 @@ def specialisation_of(system: DelaySystem, method: Method = STANDARD) -> Special
     return Specialisation(
         digest=system.equation_digest,
         sizes=(len(system.states), len(system.inputs), len(system.channels), len(system.outputs)),
-        parameters=parameter_type(system.parameters),
+        layout=Layout(state_type(system), parameter_type(system.parameters)),
         method=method,
         chained=any(name.startswith("zd") for sources in system.structure.lags for name in sources),
         equations=(system.emit, system.lags, system.rate, system.output),
@@ -93,7 +93,7 @@ def specialisation_of(system: DelaySystem, method: Method = STANDARD) -> Special
 @functools.cache
 def specialise(special: Specialisation) -> Kernel:
     """Build the kernel of a specialisation, once per process."""
-    load_parameters = loader_of(special.parameters)
+    load_parameters = loader_of(special.layout.parameters)
     read_channels = _make_read_channels(special, load_parameters)
     parts = {
         "read_channels": read_channels,
@@ -101,7 +101,7 @@ def specialise(special: Specialisation) -> Kernel:
         "emit_now": _make_emit_now(special, load_parameters),
         "store": _make_store(special, load_parameters),
     }
-    return compile_kernel(functools.partial(_make_advance, special), parts, special.equations, str(special.parameters))
+    return compile_kernel(functools.partial(_make_advance, special), parts, special.equations, special.layout)
 
 
 def _make_advance(special: Specialisation, parts: Any) -> Kernel:
