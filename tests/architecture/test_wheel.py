@@ -22,6 +22,7 @@ def wheel_names(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
 def test_the_wheel_carries_data_and_types(wheel_names: set[str]) -> None:
     wanted = {"revline/py.typed", "revline/__init__.py"}
     wanted |= {f"revline/studies/reference/{name}" for name in ("table_4_1.csv", "linear_models.toml", "controllers.toml", "figures.csv")}
+    wanted |= {f"revline/report/templates/{name}" for name in ("report.html.jinja", "blocks.html.jinja", "report.css", "report.typ")}
     assert wanted <= wheel_names
 
 

@@ -63,7 +63,7 @@ def test_decimals_drop_the_sign_of_zero() -> None:
     assert format_decimals(-0.126, 2) == "\u22120.13"
 
 
-@pytest.mark.parametrize(("unit", "shown"), [("1", ""), ("rad/s", "rad/s"), ("kg m2", "kg\u202fm²"), ("rad/s2", "rad/s²"), ("m3", "m³")])
+@pytest.mark.parametrize(("unit", "shown"), [("1", ""), ("rad/s", "rad/s"), ("kg m2", "kg\u00a0m²"), ("rad/s2", "rad/s²"), ("m3", "m³")])
 def test_units_are_printed_with_raised_powers(unit: str, shown: str) -> None:
     assert format_unit(unit) == shown
 

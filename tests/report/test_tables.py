@@ -95,7 +95,7 @@ def test_a_comparison_shows_ours_beside_the_reference_with_the_deviation() -> No
         limit_percent=1.0,
     )
     assert numbers.as_csv().splitlines()[0] == "quantity,unit,reference_in_unit,revline_in_unit,deviation_percent"
-    assert block.rows[0] == ((Math("G_1"), " gain"), "1", "12.216", "12.216", "0.00")
+    assert block.rows[0] == ((Math("G_1"), " gain"), "", "12.216", "12.216", "0.00")
     assert block.rows[1] == ("lag", "s", "1.0000", "1.1000", "+10.00")
     assert [(mark.row, mark.column) for mark in block.marks] == [(1, 4)]
 

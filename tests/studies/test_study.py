@@ -7,14 +7,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from revline.design.outcome import LimitCycle, Settled
-from revline.errors import PartialResultError
+from revline.analysis.trim import find_trim
+from revline.design.outcome import Diverged, LimitCycle, Settled
+from revline.errors import InvalidInputError, PartialResultError
+from revline.io.value_files import write_value
 from revline.studies import loop_steps, steps, writing
-from revline.studies.captions import CAPTIONS, caption, figure_rows
+from revline.studies.captions import CAPTIONS, SPECTRUM_FIGURES, caption, figure_rows
+from revline.studies.chain import FOLDER
 from revline.studies.checks import check_study
 from revline.studies.config import StudyConfig
 from revline.studies.figures import figure_calls
+from revline.studies.guidelines import find_limits
 from revline.studies.record import study_record
+from revline.studies.results import LoopRow
 from revline.studies.study import compute_study
 from revline.studies.study_results import StudyResults
 from revline.studies.tables import study_tables
@@ -41,6 +46,42 @@ def test_a_wrong_number_fails_its_check(config: StudyConfig, results: StudyResul
     point = dataclasses.replace(results.point, gain=1.001 * results.point.gain)
     failed = {c.name for c in check_study(config, dataclasses.replace(results, point=point)) if not c.passed}
     assert failed == {"static gain at 25 deg"}
+
+
+def test_a_loop_that_ends_otherwise_fails_its_check(config: StudyConfig, results: StudyResults) -> None:
+    """C1 diverging on the engine is as unstable as hunting, and must not pass for it."""
+
+    def ended(row: LoopRow) -> LoopRow:
+        if (row.controller, row.plant) != ("c1", "engine"):
+            return row
+        return row._replace(run=dataclasses.replace(row.run, outcome=Diverged(time=1.0, value=1e3, bound=600.0)))
+
+    loops = dataclasses.replace(results.loops, rows=tuple(ended(row) for row in results.loops.rows))
+    failed = {c.name for c in check_study(config, dataclasses.replace(results, loops=loops)) if not c.passed}
+    assert failed == {"C1 on the engine: ends in a limit cycle (1) or not (0)"}
+
+
+def test_other_frequencies_than_the_thesis_s_are_not_checked_against_its_table(results: StudyResults) -> None:
+    other = StudyConfig(frequencies=StudyConfig().frequencies[1:])
+    assert not any("Table 4.1" in check.name for check in check_study(other, results))
+
+
+def test_a_spectrum_s_caption_names_the_frequency_that_its_figure_shows(config: StudyConfig, results: StudyResults) -> None:
+    """Figures go by rising frequency, whatever the frequencies are."""
+    calls = figure_calls(config, results)
+    for number, frequency in zip(SPECTRUM_FIGURES, (0.01, 0.05, 0.5, 5.0, 20.0, 50.0), strict=True):
+        assert calls[number].options["input_frequency"] == frequency
+        assert caption(number, results).startswith(f"Spectrum at {frequency:g} rad/s. ")
+    moved = dataclasses.replace(results, spectra=tuple(dataclasses.replace(c, omega=2.0 * c.omega) for c in results.spectra))
+    assert caption("4.4", moved).startswith("Spectrum at 1 rad/s. ")
+
+
+def test_an_unstable_operating_point_gets_no_gain_limit_of_its_own(config: StudyConfig, results: StudyResults) -> None:
+    engine = config.load_engine()
+    unstable = dataclasses.replace(results.point, trim=find_trim(engine, inputs={"throttle": 4.0}))
+    assert not unstable.trim.stable
+    assert [row[0] for row in find_limits(engine, results)] == ["g1", "g2", "g2d", "engine, exact"]
+    assert [row[0] for row in find_limits(engine, dataclasses.replace(results, point=unstable))] == ["g1", "g2", "g2d"]
 
 
 def test_another_engine_gets_its_own_checks_only(results: StudyResults) -> None:
@@ -127,3 +168,21 @@ def test_an_interrupted_study_says_so_and_goes_on(
     with pytest.raises(PartialResultError, match="steady-map"):
         writing.run_study(config, tmp_path)
     assert calls == []
+
+
+def test_answers_to_other_questions_do_not_stay(
+    config: StudyConfig, results: StudyResults, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A finished study whose folder is then used for other questions: no report may set the old answers under the new questions."""
+    (tmp_path / FOLDER).mkdir()
+    write_value(tmp_path / FOLDER / writing.QUESTIONS, config)
+    write_value(tmp_path / FOLDER / writing.BUNDLE, results)
+
+    def interrupted(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(writing, "compute_study", interrupted)
+    with pytest.raises(PartialResultError, match="partial"):
+        writing.run_study(StudyConfig(throttle_deg=26.0), tmp_path)
+    with pytest.raises(InvalidInputError, match="holds no finished study"):
+        writing.rebuild_report(tmp_path)

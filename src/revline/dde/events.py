@@ -69,7 +69,7 @@ def seek_breakpoint(s: Record, channels: int) -> bool:
     if s.search_channel >= 0:
         narrow_search(s)
         return True
-    if s.newest_segment == 0 or (s.landing < FAR and s.place == INSIDE):  # the start, or on the way to a landing
+    if s.landing <= s.time or (s.landing < FAR and s.place == INSIDE):  # at a landing, as the start is, or on the way to one
         return False
     reached = False
     for channel in range(channels):
@@ -114,9 +114,6 @@ def narrow_search(s: Record) -> None:
 def choose_end(s: Record) -> None:
     """Choose the next end to try between the bounds of a search: by the secant, every third time by halving, at last the upper bound."""
     s.search_count += 1
-    if s.low_excess >= 0.0:  # a lag fell at a break, and the reading is beyond its breakpoint already
-        s.end, s.search_channel = s.time, -1
-        return
     end = s.high_time - s.high_excess * (s.high_time - s.low_time) / (s.high_excess - s.low_excess)
     if s.search_count % 3 == 0 or not s.low_time < end < s.high_time:
         end = 0.5 * (s.low_time + s.high_time)

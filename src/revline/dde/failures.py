@@ -41,9 +41,7 @@ def _explain_lags(system: DelaySystem, s: Record, place: str, end: float, detail
         if lag < step:
             what = f"step = {step:g} s is longer than a lag during the run, {lag:g} s of {name}"
             return StepError(f"{what}: {place}; give a smaller step", **details)
-    grown = max(following, key=lambda entry: entry[1])
-    return LagError(
-        f"stalled: {place}: the delayed time runs backwards, the lag of {grown[0]} grows to {grown[1]:g} s faster than time passes; "
-        "give more throttle or less load",
-        **details,
-    )
+    advances = [float(after - before) for before, after in zip(s["read_time"][:c], s["read_time_next"][:c], strict=True)]
+    name, lag = following[advances.index(min(advances))]
+    what = f"the delayed time runs backwards, the lag of {name} grows to {lag:g} s faster than time passes"
+    return LagError(f"stalled: {place}: {what}; give more throttle or less load", **details)

@@ -131,7 +131,7 @@ def _make_advance(special: Specialisation, parts: Any) -> Kernel:
                 parts.emit_now(s)
                 if rough:
                     begin_segment(s, channels)
-            if s.time == s.grid_time:
+            if s.time == s.grid_time and s.landing > s.time:
                 parts.store(s)
                 stepping.pass_grid_point(s)
         return DONE

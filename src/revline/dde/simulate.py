@@ -54,12 +54,20 @@ class Options:
         method: what integrates.
         progress: told from time to time which part of the run is done.
         chunk: steps between two looks at progress and interruption; results do not depend on it.
+
+    Raises:
+        InvalidInputError: `every` or `chunk` is below 1.
     """
 
     every: int = 1
     method: Method = STANDARD
     progress: Progress | None = None
     chunk: int = 200_000
+
+    def __post_init__(self) -> None:
+        for name, value, what in (("every", self.every, "store"), ("chunk", self.chunk, "look at progress")):
+            if value < 1:
+                raise out_of_range(name, value, "steps", "1 and above", f"{what} every n-th step with n = 1, 2, ...")
 
 
 def simulate(
@@ -95,8 +103,7 @@ def simulate(
     options = options or Options()
     if not (math.isfinite(step) and step > 0.0):
         raise out_of_range("step", step, "s", "values above 0", "give a step such as 0.001")
-    if options.every < 1:
-        raise out_of_range("every", options.every, "steps", "1 and above", "store every n-th step with n = 1, 2, ...")
+    as_floats(system.parameters, system.name)
     run = _new_run(system, start, step, options.every)
     return _advance(system, signals, run, until, options)
 
@@ -217,12 +224,13 @@ def _grid_target(s: runs.Record, until: float) -> tuple[int, tuple[str, ...]]:
     count = (until - origin) / step
     if count > 2**52:
         raise out_of_range("step", step, "s", f"steps that {until - origin:g} s can be counted in", "give a longer step")
-    nearest, least = round(count), max(int(s["grid_index"]), 1)
-    if abs(count - nearest) <= 1e-9 + 1e-15 * count and nearest >= least:
-        return nearest, ()
-    target = math.ceil(count)
-    if target < least:
+    nearest = round(count)
+    on_grid = abs(count - nearest) <= 1e-9 + 1e-15 * abs(count)
+    target = nearest if on_grid else math.ceil(count)
+    if target < max(int(s["grid_index"]), 1):
         raise out_of_range("stop time", until, "s", f"values a step after the start at {present:g} s", "give a later stop time")
+    if on_grid:
+        return target, ()
     return target, (f"stop time {until:g} s is no multiple of the step {step:g} s: moved to {origin + target * step:.12g} s",)
 
 

@@ -62,7 +62,10 @@ def pass_breakpoints(s: Record, states: int, channels: int, smooth: int) -> bool
 
 
 def adopt_readings(s: Record, channels: int) -> bool:
-    """Make the readings after a breakpoint the present ones and say yes; or refuse lags that jump below the step, or back in history."""
+    """Make the readings after a breakpoint the present ones and say yes; or refuse lags that jump below the step, or back in history.
+
+    Where a lag falls, a reading may land beyond its own next breakpoint: then the present is a landing once more.
+    """
     sound = True
     for k in range(channels):
         sound = sound and s.time - s.read_time_next[k] >= s.step - s.tolerance
@@ -71,6 +74,7 @@ def adopt_readings(s: Record, channels: int) -> bool:
         for k in range(channels):
             s.zd[k] = s.zd_next[k]
             s.read_time[k] = s.read_time_next[k]
+            s.landing = s.time if s.read_time[k] >= s.boundary_time[k] - LANDED * s.tolerance else s.landing
     return sound
 
 

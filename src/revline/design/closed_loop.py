@@ -193,7 +193,6 @@ def run_loop(
         InvalidInputError: signals are missing, units differ, the limits exclude the trim, the measurement is not that of the states, or
             the step is not below the smallest lag at the start.
         NotSettledError: the record is too short to tell how the loop ends.
-        StepError: a lag fell below the step.
         SimulationError: a state that the measurement does not show is no finite number any more.
     """
     loop = close_loop(plant, point, gains, wires=wires, limits=limits)

@@ -71,6 +71,7 @@ def simulate_loop(loop: DelaySystem, start: Start, command: float, mesh: Mesh, *
 
     Raises:
         InvalidInputError: the step is not below the smallest lag at the start, or there would be too many of them.
+        StepError: a lag fell below the step.
         SimulationError: the loop fails within its first step, so that there is no record.
     """
     check_steps(mesh)

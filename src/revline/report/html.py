@@ -3,6 +3,7 @@
 import base64
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
@@ -17,7 +18,7 @@ from revline.report.mathml import render_mathml
 from revline.report.numbers import format_unit
 
 _PIXELS_PER_CENTIMETRE = 96.0 / 2.54
-_INVISIBLE = str.maketrans({"0": "\u2007", ".": "\u2008"})
+_INVISIBLE = MappingProxyType(str.maketrans("0.", "\u2007\u2008"))
 """Spaces as wide as a digit and as a point."""
 
 

@@ -17,8 +17,7 @@ from typing import NamedTuple
 from revline.errors import InvalidInputError, suggestion
 
 _GREEK_NAMES = (
-    "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi omicron pi rho final_sigma "
-    "sigma tau upsilon phi chi psi omega"
+    "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi omicron pi rho final sigma tau upsilon phi chi psi omega"
 )
 _FIRST_GREEK = 0x3B1
 _TO_CAPITAL = -0x20
@@ -26,8 +25,8 @@ _TO_CAPITAL = -0x20
 
 def _greek_letters() -> Iterator[tuple[str, str]]:
     for place, name in enumerate(_GREEK_NAMES.split()):
-        yield name, chr(_FIRST_GREEK + place)
-        if name != "final_sigma":
+        if name != "final":
+            yield name, chr(_FIRST_GREEK + place)
             yield name.capitalize(), chr(_FIRST_GREEK + place + _TO_CAPITAL)
 
 

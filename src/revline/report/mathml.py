@@ -6,6 +6,7 @@ from revline.report.inline import legible
 from revline.report.mathematics import Accented, Fenced, Fraction, Kind, Node, Root, Row, Scripts, Symbol
 
 _TAGS = ((Kind.IDENTIFIER, "mi"), (Kind.NUMBER, "mn"), (Kind.OPERATOR, "mo"), (Kind.FUNCTION, "mi"), (Kind.TEXT, "mtext"))
+_TALL = frozenset({"\u2211", "\u222b"})
 _LIMITS = frozenset({"\u2211", "lim", "min", "max"})
 _SIGNED = frozenset({"\u2212", "+", "\u00b1"})
 _AFTER_OPERAND = frozenset({"!", "\u2032", "\u00b0", "\u221e"})
@@ -28,14 +29,19 @@ def _row(row: Row) -> str:
     previous: Node | None = None
     parts = []
     for place, item in enumerate(row.items):
-        if isinstance(item, Symbol) and item.text in _SIGNED and _starts_operand(previous):
-            parts.append(f'<mo form="prefix">{item.text}</mo>')
+        if _is_sign(item, _SIGNED) and _starts_operand(previous):
+            parts.append(_node(item).replace("<mo>", '<mo form="prefix">'))
         else:
             parts.append(_node(item))
         if _is_function(item) and place + 1 < len(row.items):
             parts.append(_APPLY if isinstance(row.items[place + 1], Fenced) else _APPLY + _THIN)
         previous = item
     return f"<mrow>{''.join(parts)}</mrow>"
+
+
+def _is_sign(node: Node | None, signs: frozenset[str]) -> bool:
+    """Whether a node is one of some operators or functions; words in quotes never are."""
+    return isinstance(node, Symbol) and node.kind in {Kind.OPERATOR, Kind.FUNCTION} and node.text in signs
 
 
 def _starts_operand(previous: Node | None) -> bool:
@@ -67,12 +73,28 @@ def _node(node: Node) -> str:
 
 
 def _fenced(node: Fenced) -> str:
-    opening = f'<mo form="prefix" fence="true" stretchy="true">{node.opening}</mo>'
-    return f'<mrow>{opening}{_row(node.body)}<mo form="postfix" fence="true" stretchy="true">{node.closing}</mo></mrow>'
+    """Brackets; they stretch about tall bodies only, as some browsers give stretched ones room that short ones should not have."""
+    stretchy = "true" if _is_tall(node.body) else "false"
+    opening = f'<mo form="prefix" stretchy="{stretchy}">{node.opening}</mo>'
+    return f'<mrow>{opening}{_row(node.body)}<mo form="postfix" stretchy="{stretchy}">{node.closing}</mo></mrow>'
+
+
+def _is_tall(node: Node | None) -> bool:
+    match node:
+        case Fraction():
+            return True
+        case Row():
+            return any(_is_tall(item) for item in node.items)
+        case Scripts():
+            return _is_tall(node.base)
+        case Fenced() | Root() | Accented():
+            return _is_tall(node.body)
+        case _:
+            return _is_sign(node, _TALL)
 
 
 def _scripts(node: Scripts) -> str:
-    limits = isinstance(node.base, Symbol) and node.base.text in _LIMITS
+    limits = _is_sign(node.base, _LIMITS)
     base = _node(node.base)
     parts: tuple[Node, ...]
     if node.below is None and node.above is not None:

@@ -12,6 +12,9 @@ from revline.studies.study_results import StudyResults
 
 Caption = Callable[[StudyResults], str]
 
+SPECTRUM_FIGURES = ("4.5", "4.6", "4.4", "4.7", "4.8", "4.9")
+"""Figures of the spectra, by rising frequency."""
+
 
 def figure_rows() -> tuple[dict[str, str], ...]:
     """Rows of the thesis's list of figures: id, title, axes and content."""
@@ -21,6 +24,8 @@ def figure_rows() -> tuple[dict[str, str], ...]:
 def caption(figure: str, results: StudyResults) -> str:
     """Caption of a figure: its title and what to see in it."""
     name = next(row["title"] for row in figure_rows() if row["id"] == figure)
+    if figure in SPECTRUM_FIGURES:
+        name = f"Spectrum at {results.spectra[SPECTRUM_FIGURES.index(figure)].omega:g} rad/s"
     return f"{name}. {CAPTIONS[figure](results)}"
 
 
@@ -28,9 +33,9 @@ def _fixed(text: str) -> Caption:
     return lambda _: text
 
 
-def _spectrum(omega: float) -> Caption:
+def _spectrum(figure: str) -> Caption:
     def write(results: StudyResults) -> str:
-        check = min(results.spectra, key=lambda c: abs(c.omega - omega))
+        check = results.spectra[SPECTRUM_FIGURES.index(figure)]
         spectrum = check.spectrum
         verb = "lies at the input's frequency" if check.follows else "does not lie at the input's frequency"
         return (
@@ -142,12 +147,12 @@ CAPTIONS: Mapping[str, Caption] = MappingProxyType(
         "4.2b": _line_error,
         "4.3a": _fixed("The input of the spectral check."),
         "4.3b": _fixed("The answer to it, once settled: a sinusoid of the same frequency to the eye."),
-        "4.4": _spectrum(0.5),
-        "4.5": _spectrum(0.01),
-        "4.6": _spectrum(0.05),
-        "4.7": _spectrum(5.0),
-        "4.8": _spectrum(20.0),
-        "4.9": _spectrum(50.0),
+        "4.4": _spectrum("4.4"),
+        "4.5": _spectrum("4.5"),
+        "4.6": _spectrum("4.6"),
+        "4.7": _spectrum("4.7"),
+        "4.8": _spectrum("4.8"),
+        "4.9": _spectrum("4.9"),
         "4.10": _fixed("Magnitude in rad/s per deg of throttle. The phase passes -180 deg: a delay is at work."),
         "4.11a": _model_bode("g1"),
         "4.11b": _model_errors("g1"),

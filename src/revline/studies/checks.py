@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from revline.design.outcome import LimitCycle
+from revline.design.outcome import Diverged, LimitCycle
 from revline.studies.config import StudyConfig, read_table_4_1
 from revline.studies.results import title
 
@@ -66,9 +66,9 @@ class Check:
 
 
 def check_study(config: StudyConfig, results: "StudyResults") -> tuple[Check, ...]:
-    """Check a study: its own consistency always, the thesis's numbers where it is the thesis's study."""
+    """Check a study: its own consistency always, the thesis's numbers where every question is the thesis's."""
     own = tuple(_own_checks(config, results))
-    if not config.is_the_thesis:
+    if not config.asks_what_the_thesis_asked:
         return own
     parts = (_point_checks, _response_checks, _model_checks, _controller_checks, _loop_checks)
     return own + tuple(check for part in parts for check in part(results))
@@ -180,6 +180,12 @@ def _loop_checks(results: "StudyResults") -> Iterator[Check]:
     c1 = loops.row("c1", "g1")
     yield _check("C1 on G1: overshoot", c1.run.overshoot, 0.0769, 1e-3)
     yield _check("C1 on G1: bandwidth", c1.bandwidth, 51.57, 0.1, "rad/s")
+    for controller in ("c1", "c2"):
+        hunts = isinstance(loops.row(controller, "engine").run.outcome, LimitCycle)
+        yield _check(f"{title(controller)} on the engine: ends in a limit cycle (1) or not (0)", float(hunts), 1.0, 0.0)
+    for controller in ("c1", "c2"):
+        diverges = isinstance(loops.row(controller, "g2d").run.outcome, Diverged)
+        yield _check(f"{title(controller)} on G2d: diverges (1) or not (0)", float(diverges), 1.0, 0.0)
     cycle = loops.row("c1", "engine").run.outcome
     if isinstance(cycle, LimitCycle):
         yield _check("C1 on the engine: low end of the limit cycle", cycle.low, 291.15, 0.1, "rad/s")

@@ -30,6 +30,9 @@ NUMBERS = (
 )
 LISTS = ("frequencies_rad_s", "spectrum_frequencies_rad_s", "steps_deg")
 BUILT_IN = "lee1995"
+SPECTRA = 6
+"""How many spectra a study has: each has its figure."""
+
 WIDE_OPEN = 90.0
 """Throttle angle in deg beyond which there is none."""
 
@@ -88,11 +91,9 @@ class StudyConfig:
             if not (math.isfinite(value) and low <= value <= high):
                 raise out_of_range(f"study.{name}", value, dict(NUMBERS)[name], f"{low:g} to {high:g}", "mend the study file")
         self._check_angles()
-        for name, least in (("frequencies", 8), ("spectrum_frequencies", 1)):
-            values = np.array(getattr(self, name), dtype=float)
-            if len(values) < least or not np.isfinite(values).all() or np.min(values) <= 0.0 or np.any(np.diff(values) <= 0.0):
-                message = f"study.{name}_rad_s must be at least {least} rising frequencies above 0 rad/s"
-                raise InvalidInputError(message, quantity=f"study.{name}_rad_s")
+        _check_rising("frequencies_rad_s", self.frequencies, 8, math.inf, "at least 8 rising frequencies above 0 rad/s")
+        asked = f"{SPECTRA} rising frequencies above 0 rad/s, one for each of Figs 4.4 to 4.9"
+        _check_rising("spectrum_frequencies_rad_s", self.spectrum_frequencies, SPECTRA, SPECTRA, asked)
 
     def _check_angles(self) -> None:
         """Refuse what would move the throttle beyond its range, before anything is computed."""
@@ -117,6 +118,11 @@ class StudyConfig:
         return (self.engine, self.throttle_deg, self.load_n_m, self.amplitude_deg) == (BUILT_IN, 25.0, 0.0, 5.0)
 
     @property
+    def asks_what_the_thesis_asked(self) -> bool:
+        """Whether every question is that of Lee (1995), so that its numbers can be checked and not only shown."""
+        return self == StudyConfig()
+
+    @property
     def starting_gains_g2(self) -> StartingGains | None:
         """Hand-tuned gains of Lee (1995), section 5.3; their ki is illegible there and free here."""
         return StartingGains(kp=20.0, ki=247.5, kd=0.4, free=("ki",)) if self.is_the_thesis else None
@@ -129,6 +135,13 @@ class StudyConfig:
     def load_engine(self) -> DelaySystem:
         """Load the engine that the study is about."""
         return load_engine(self.engine)
+
+
+def _check_rising(name: str, values: tuple[float, ...], least: int, most: float, asked: str) -> None:
+    array = np.array(values, dtype=float)
+    if not least <= len(array) <= most or not np.isfinite(array).all() or np.min(array) <= 0.0 or np.any(np.diff(array) <= 0.0):
+        message = f"study.{name} must be {asked}"
+        raise InvalidInputError(message, quantity=f"study.{name}")
 
 
 def read_config(path: Path) -> StudyConfig:

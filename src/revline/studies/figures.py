@@ -25,6 +25,7 @@ from revline.report.responses import Command, TangentTrace, plot_divergence, plo
 from revline.report.spectrum import plot_spectrum
 from revline.report.steady import StraightLine, plot_steady_map
 from revline.report.style import DATA, MODELS, PLANT, PUBLISHED, Quantity
+from revline.studies.captions import SPECTRUM_FIGURES
 from revline.studies.config import StudyConfig
 from revline.studies.results import ErrorRecord, Floats, LoopRow, TimeRecord, title
 from revline.studies.steps import table_response
@@ -143,8 +144,7 @@ def _steady(results: StudyResults) -> dict[str, FigureCall]:
 
 def _spectra(config: StudyConfig, results: StudyResults) -> dict[str, FigureCall]:
     calls = {}
-    numbers = ("4.5", "4.6", "4.4", "4.7", "4.8", "4.9")
-    for number, check in zip(numbers, results.spectra, strict=False):
+    for number, check in zip(SPECTRUM_FIGURES, results.spectra, strict=True):
         spectrum = check.spectrum
         shown = spectrum.omega <= 8.0 * check.omega
         calls[number] = _call(

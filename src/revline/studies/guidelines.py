@@ -11,21 +11,27 @@ from revline.studies.study_results import StudyResults
 from revline.system import DelaySystem
 
 SEARCH_TO = 1e4
-"""Highest frequency at which a gain limit is looked for, in rad/s."""
+"""Highest frequency at which a gain limit of a linear model is looked for, in rad/s."""
+
+ENGINE_SEARCH_TO = 200.0
+"""The same for the engine's exact linear model."""
 
 
 def find_limits(engine: DelaySystem, results: StudyResults) -> tuple[tuple[str, GainLimit | NoGainLimit, GainLimit | NoGainLimit], ...]:
     """Find gain limits of the linear models and of the engine's exact linear model: proportional control, and with C1's ratio ki/kp."""
     c1 = results.controllers.gains["c1"]
-    exact = linearize(engine, results.point.trim).model
     plants = [(name, results.models.fit(name).fit.model) for name in ("g1", "g2", "g2d")]
     rows = []
     for name, model in plants:
         limits = [find_gain_limit(model, integral_ratio=ratio, high=SEARCH_TO) for ratio in (0.0, c1.ki / c1.kp)]
         rows.append((name, limits[0], limits[1]))
+    if not results.point.trim.stable:
+        return tuple(rows)  # a gain limit is that of a plant that is stable by itself
+    exact = linearize(engine, results.point.trim).model
     row, column = position(exact.outputs, "engine_speed"), position(exact.inputs, "throttle")
     limits = [
-        find_gain_limit(lambda s: exact.transfer(s)[..., row, column], integral_ratio=ratio, high=200.0) for ratio in (0.0, c1.ki / c1.kp)
+        find_gain_limit(lambda s: exact.transfer(s)[..., row, column], integral_ratio=ratio, high=ENGINE_SEARCH_TO)
+        for ratio in (0.0, c1.ki / c1.kp)
     ]
     return (*rows, ("engine, exact", limits[0], limits[1]))
 
@@ -38,10 +44,12 @@ def write_guidelines(engine: DelaySystem, results: StudyResults) -> tuple[str, .
 def _sentences(engine: DelaySystem, results: StudyResults) -> Iterator[str]:
     limits = {name: (alone, with_integral) for name, alone, with_integral in find_limits(engine, results)}
     ratio = results.controllers.gains["c1"].ki / results.controllers.gains["c1"].kp
-    without = [title(name) for name, (alone, _) in limits.items() if isinstance(alone, NoGainLimit)]
+    open_ended = {name: alone for name, (alone, _) in limits.items() if isinstance(alone, NoGainLimit)}
+    without = [title(name) for name in open_ended]
+    searched = min((limit.searched_to for limit in open_ended.values()), default=SEARCH_TO)
     if without:
         yield (
-            f"{' and '.join(without)} set no upper limit to the gain: their phase does not reach -180 deg up to {SEARCH_TO:g} rad/s. "
+            f"{' and '.join(without)} set no upper limit to the gain: their phase does not reach -180 deg up to {searched:g} rad/s. "
             "A controller designed on them can be made as fast as one likes, on paper."
         )
     for name, (alone, integral) in limits.items():

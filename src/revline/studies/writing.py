@@ -81,6 +81,7 @@ def run_study(config: StudyConfig, folder: str | Path, report: Report = lambda _
     steps = _prepare(place)
     write_json(place / RESULTS, _partial_record(place, config), "results")
     try:
+        (steps / BUNDLE).unlink(missing_ok=True)  # answers to other questions may lie there
         write_value(steps / QUESTIONS, config)
         results = compute_study(config, place, report)
         write_value(steps / BUNDLE, results)
