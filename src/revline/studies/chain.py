@@ -5,11 +5,13 @@ A study that is interrupted keeps its finished steps; started again in the same 
 
 import functools
 import hashlib
+import re
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from importlib import metadata
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import revline
 from revline import __version__
@@ -22,6 +24,8 @@ Report = Callable[[str, float], None]
 """Told the name of the step under way, and which part of the whole study is done."""
 
 FOLDER = "steps"
+KEY = re.compile("[0-9a-f]{32}")
+LIBRARIES = ("numpy", "scipy", "numba")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,40 +45,67 @@ class Chain:
     def step(self, name: str, make: Callable[[], T], *made_from: object, share: tuple[float, float]) -> T:
         """Take a step's result from the folder if it was made from the same, else make and keep it.
 
+        What is given is always what was read from the folder: a study that goes on computes with the same values as one that ran through.
+
         Args:
             name: of the step, also of its file.
             make: makes the result.
             made_from: results of earlier steps that it depends on.
             share: which part of the study is done before and after it, 0 to 1.
+
+        Raises:
+            InvalidInputError: the result is no value that can be kept, or the folder cannot be written.
         """
         self.report(name, share[0])
-        key = fingerprint(self.origin, code_digest(), name, *made_from)
-        path = self.folder / FOLDER / f"{name}-{key}.json"
-        if path.is_file():
-            try:
-                kept: T = read_value(path)
-            except InvalidInputError:
-                path.unlink()
-            else:
-                self.report(name, share[1])
-                return kept
-        result = make()
-        path.parent.mkdir(parents=True, exist_ok=True)
-        for old in path.parent.glob(f"{name}-*.json"):
-            old.unlink()
-        write_value(path, result)
+        path = self.folder / FOLDER / f"{name}-{fingerprint(self.origin, code_digest(), name, *made_from)}.json"
+        kept = _read_kept(path)
+        if not kept:
+            write_value(_with_folder(path), make())
+            kept = (read_value(path),)
+            _remove_older(name, path)
         self.report(name, share[1])
+        result: T = kept[0]
         return result
+
+
+def _read_kept(path: Path) -> tuple[Any, ...]:
+    """Read a kept result; nothing where there is none, or one that is damaged and will be made again."""
+    try:
+        return (read_value(path),) if path.is_file() else ()
+    except InvalidInputError:
+        return ()
+
+
+def _with_folder(path: Path) -> Path:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        message = f"folder {path.parent} cannot be made: {error.strerror}; give a folder that may be written"
+        raise InvalidInputError(message, path=str(path.parent)) from error
+    return path
+
+
+def _remove_older(name: str, path: Path) -> None:
+    """Remove what the step gave to other questions; a step whose name merely begins alike keeps its own."""
+    for old in path.parent.glob(f"{name}-*.json"):
+        if old != path and KEY.fullmatch(old.stem.removeprefix(f"{name}-")):
+            old.unlink(missing_ok=True)
 
 
 @functools.cache
 def code_digest() -> str:
-    """Digest of the package's own source: a result made by other code is not taken for this code's."""
+    """Digest of the package's own source and data, and of the numerical libraries' versions.
+
+    A result made by other code is not taken for this code's.
+    """
     digest = hashlib.sha256(__version__.encode())
+    for library in LIBRARIES:
+        digest.update(f"{library} {metadata.version(library)}".encode())
     root = Path(revline.__file__).parent
-    for path in sorted(root.rglob("*.py")):
-        digest.update(str(path.relative_to(root)).encode())
-        digest.update(path.read_bytes())
+    for path in sorted(root.rglob("*")):
+        if path.is_file() and "__pycache__" not in path.parts:
+            digest.update(path.relative_to(root).as_posix().encode())
+            digest.update(path.read_bytes())
     return digest.hexdigest()[:32]
 
 

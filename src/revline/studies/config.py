@@ -2,12 +2,14 @@
 
 import csv
 import math
+import sys
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
 
 import numpy as np
 
+from revline.engine.catalogue import engine_names
 from revline.errors import InvalidInputError, out_of_range
 from revline.io.engine_files import load_engine
 from revline.io.texts import read_text
@@ -26,12 +28,13 @@ NUMBERS = (
     ("overshoot_limit", "1"),
     ("command_rad_s", "rad/s"),
 )
+LISTS = ("frequencies_rad_s", "spectrum_frequencies_rad_s", "steps_deg")
 BUILT_IN = "lee1995"
 SPECTRA = 6
 """How many spectra a study has: each has its figure."""
 
-FULL_THROTTLE = 90.0
-"""Angle of the open throttle, in deg."""
+WIDE_OPEN = 90.0
+"""Throttle angle in deg beyond which there is none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,14 +52,14 @@ class StudyConfig:
     """Questions of a study.
 
     Attributes:
-        engine: name of a built-in engine, or path of an engine file.
+        engine: name of a built-in engine, or path of an engine file, relative to the working folder unless absolute.
         throttle_deg, load_n_m: operating point.
         amplitude_deg: of the sinusoids.
         half_range_deg: half width of the operating range.
         natural_frequency_rad_s, damping_ratio: of the pole placement for G1.
         overshoot_limit: of fine tuning, as a fraction of the command.
         command_rad_s: step of the speed command; 0 for what the amplitude of the throttle is worth, to two digits.
-        steps_deg: throttle steps.
+        steps_deg: throttle steps, up or down.
         spectrum_frequencies, frequencies: in rad/s.
     """
 
@@ -75,7 +78,7 @@ class StudyConfig:
 
     def __post_init__(self) -> None:
         for name, low, high in (
-            ("throttle_deg", 0.0, 90.0),
+            ("throttle_deg", 0.0, WIDE_OPEN),
             ("amplitude_deg", 1e-6, 45.0),
             ("half_range_deg", 1e-6, 45.0),
             ("natural_frequency_rad_s", 1e-6, 1e6),
@@ -87,23 +90,27 @@ class StudyConfig:
             value = getattr(self, name)
             if not (math.isfinite(value) and low <= value <= high):
                 raise out_of_range(f"study.{name}", value, dict(NUMBERS)[name], f"{low:g} to {high:g}", "mend the study file")
-        if len(self.frequencies) < 8 or min(self.frequencies) <= 0.0 or np.any(np.diff(self.frequencies) <= 0.0):
-            message = "study.frequencies_rad_s must be at least 8 rising frequencies above 0 rad/s"
-            raise InvalidInputError(message)
-        spectra = self.spectrum_frequencies
-        if len(spectra) != SPECTRA or min(spectra) <= 0.0 or np.any(np.diff(spectra) <= 0.0):
-            message = (
-                f"study.spectrum_frequencies_rad_s must be {SPECTRA} rising frequencies above 0 rad/s, one for each of Figs 4.4 to 4.9"
-            )
-            raise InvalidInputError(message)
-        if not self.steps_deg or not all(self.steps_deg):
-            message = "study.steps_deg must be one or more throttle steps other than 0 deg"
-            raise InvalidInputError(message)
-        ends = self.throttle_deg - self.half_range_deg, self.throttle_deg + self.half_range_deg
-        if not 0.0 <= ends[0] < ends[1] <= FULL_THROTTLE:
-            given = f"study.half_range_deg = {self.half_range_deg:g} deg about {self.throttle_deg:g} deg"
-            message = f"{given} reaches outside 0 to {FULL_THROTTLE:g} deg; make it smaller"
-            raise InvalidInputError(message, low=ends[0], high=ends[1])
+        self._check_angles()
+        _check_rising("frequencies_rad_s", self.frequencies, 8, math.inf, "at least 8 rising frequencies above 0 rad/s")
+        asked = f"{SPECTRA} rising frequencies above 0 rad/s, one for each of Figs 4.4 to 4.9"
+        _check_rising("spectrum_frequencies_rad_s", self.spectrum_frequencies, SPECTRA, SPECTRA, asked)
+
+    def _check_angles(self) -> None:
+        """Refuse what would move the throttle beyond its range, before anything is computed."""
+        moves = [("amplitude_deg", size) for size in (-self.amplitude_deg, self.amplitude_deg)]
+        moves += [("half_range_deg", size) for size in (-self.half_range_deg, self.half_range_deg)]
+        moves += [("steps_deg", size) for size in self.steps_deg]
+        for name, size in moves:
+            angle = self.throttle_deg + size
+            if not 0.0 <= angle <= WIDE_OPEN:
+                message = (
+                    f"study.{name}: {size:+g} deg from {self.throttle_deg:g} deg leads to {angle:g} deg, outside the throttle's range of "
+                    f"0 to {WIDE_OPEN:g} deg; give less, or another throttle_deg"
+                )
+                raise InvalidInputError(message, quantity=f"study.{name}", value=angle)
+        if not self.steps_deg or 0.0 in self.steps_deg or len(set(self.steps_deg)) < len(self.steps_deg):
+            message = "study.steps_deg must be at least one throttle step, none of them 0 and none twice"
+            raise InvalidInputError(message, quantity="study.steps_deg")
 
     @property
     def is_the_thesis(self) -> bool:
@@ -130,6 +137,13 @@ class StudyConfig:
         return load_engine(self.engine)
 
 
+def _check_rising(name: str, values: tuple[float, ...], least: int, most: float, asked: str) -> None:
+    array = np.array(values, dtype=float)
+    if not least <= len(array) <= most or not np.isfinite(array).all() or np.min(array) <= 0.0 or np.any(np.diff(array) <= 0.0):
+        message = f"study.{name} must be {asked}"
+        raise InvalidInputError(message, quantity=f"study.{name}")
+
+
 def read_config(path: Path) -> StudyConfig:
     """Read a study file.
 
@@ -143,30 +157,51 @@ def read_config(path: Path) -> StudyConfig:
         frequencies_rad_s = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0]
 
     Raises:
-        InvalidInputError: the file cannot be read, has an unknown key, a wrong type or a value out of range.
+        InvalidInputError: the file cannot be read, has an unknown key, a wrong type or a value out of range, or names an engine that is
+            neither built in nor a file. Messages name file, line and remedy.
     """
     text = read_text(path, "study file")
-    file = parse_toml(text, place=str(path), schema=SCHEMA, remedy="see the documentation of study files")
-    lists = ("frequencies_rad_s", "spectrum_frequencies_rad_s", "steps_deg")
+    file = parse_toml(text, place=f"study file {path}", schema=SCHEMA, remedy="see the documentation of study files")
     file.refuse_unknown("", ["schema", SECTION])
-    file.refuse_unknown(SECTION, ["engine", *(name for name, _ in NUMBERS), *lists])
+    file.refuse_unknown(SECTION, ["engine", *(name for name, _ in NUMBERS), *LISTS])
     given = file.table(SECTION)
     found: dict[str, object] = {name: file.number(SECTION, name, unit) for name, unit in NUMBERS if name in given}
-    for name in lists:
+    for name in LISTS:
         if name in given:
             found[name.removesuffix("_rad_s")] = _numbers(file, name)
     if "engine" in given:
-        engine = file.line_of_text(SECTION, "engine")
-        beside = path.parent / engine
-        found["engine"] = str(beside) if beside.is_file() else engine
-    return StudyConfig(**found)  # type: ignore[arg-type]  # each entry was read by its own type above
+        found["engine"] = _engine(file, path.parent)
+    try:
+        return StudyConfig(**found)  # type: ignore[arg-type]  # each entry was read by its own type above
+    except InvalidInputError as error:
+        key = str(error.details["quantity"]).removeprefix(f"{SECTION}.")
+        raise file.error(SECTION, key, str(error)) from error
+
+
+def _engine(file: TomlFile, folder: Path) -> str:
+    """Name of a built-in engine, or path of a file that lies where the study file says, seen from its own folder."""
+    engine = file.line_of_text(SECTION, "engine")
+    if engine in engine_names():
+        return engine
+    beside = folder / engine
+    if not beside.is_file():
+        message = (
+            f"study.engine = {engine!r} is no built-in engine ({', '.join(engine_names())}), and there is no file {beside}; mend the name"
+        )
+        raise file.error(SECTION, "engine", message)
+    return str(beside)
 
 
 def _numbers(file: TomlFile, name: str) -> tuple[float, ...]:
     value = file.value(SECTION, name, "a list of numbers")
-    if not isinstance(value, list) or not all(isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v) for v in value):
-        raise file.error(SECTION, name, f"{value!r} is no list of finite numbers; write for example [0.1, 1.0, 10.0]")
-    return tuple(float(v) for v in value)
+    if not (isinstance(value, list) and all(map(_is_finite_number, value))):
+        message = f"study.{name} = {value!r} is no list of finite numbers; write for example [0.1, 1.0, 10.0]"
+        raise file.error(SECTION, name, message)
+    return tuple(map(float, value))
+
+
+def _is_finite_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def reference_text(name: str) -> str:
