@@ -1,8 +1,8 @@
 """Recorded inputs as CSV: a column of times and one of values, units in their names.
 
-    time_s,throttle_deg
-    0.0,25
-    0.5,27.5
+time_s,throttle_deg
+0.0,25
+0.5,27.5
 """
 
 from dataclasses import dataclass
