@@ -67,9 +67,12 @@ def test_other_texts_are_refused_with_the_forms(text: str, message: str) -> None
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("time_s,throttle_deg\n0,25\n1,30\n1,31\n", "line 4, column time_s: 1 s comes after 1 s; sort the rows by time"),
+        ("time_s,throttle_deg\n0,25\n1,30\n1,31\n", "line 4, column time_s: 1 s repeats 1 s in line 3; keep one of the two"),
         ("time_s,throttle_deg\n0,25\n1,x\n", "line 3, column throttle_deg: 'x' is no finite number"),
         ("time_s,pedal\n0,25\n1,30\n", "there is no column throttle_deg; the columns are time_s, pedal"),
+        ("time_s,throttle_deg\n0,25\n2,30\n1,31\n", "line 4, column time_s: 1 s comes after 2 s in line 3; sort the rows by time"),
+        ("time_s,throttle_deg\n0,25\n1,95\n", "line 3, column throttle_deg: throttle = 95 deg is outside 0 to 90 deg"),
+        ("time_s,throttle_deg\n0,25\n", "has one row; a recording needs two or more"),
         ("time_s,throttle_deg\n0,25\n1\n", "line 3"),
         ("", "empty"),
     ],

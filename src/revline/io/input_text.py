@@ -17,13 +17,10 @@ Sizes are in the input's unit and add to the value that the input has otherwise;
 
 import re
 from collections.abc import Mapping
-from pathlib import Path
-
-import numpy as np
 
 from revline.errors import InvalidInputError, suggestion
-from revline.io.csv_table import read_csv_table
-from revline.signals import Signal, pulse_cycle, recorded, sine, sine_cycle, step, trapezoid_cycle
+from revline.io.recorded_files import read_recording
+from revline.signals import Signal, pulse_cycle, sine, sine_cycle, step, trapezoid_cycle
 from revline.system import DelaySystem, index_of
 
 KINDS = ("step", "ramp", "sine", "trapezoids", "sinecycle", "pulses", "file")
@@ -59,7 +56,7 @@ def parse_input(text: str, system: DelaySystem, base: Mapping[str, float]) -> di
         name = match["input"] or DEFAULT_INPUT
         variable = system.inputs[index_of(system.inputs, name)]
         if match["kind"] == "file":
-            signal = _recording(Path(match["rest"]), name, variable.unit, base[name])
+            signal = read_recording(match["rest"], variable).signal(base[name])
         else:
             signal = _signal(text, term, match["kind"], match["rest"])
         found[name] = found[name] + signal if name in found else signal
@@ -92,16 +89,3 @@ def _make(kind: str, values: list[float]) -> Signal:
         return sine(values[0], values[1], start=values[2] if len(values) > 2 else 0.0)
     cycles = {"trapezoids": trapezoid_cycle, "sinecycle": sine_cycle, "pulses": pulse_cycle}
     return cycles[kind](values[0], values[1])
-
-
-def _recording(path: Path, name: str, unit: str, base: float) -> Signal:
-    table = read_csv_table(path)
-    column = name if unit == "1" else f"{name}_{re.sub(r'[^a-z0-9]+', '_', unit.lower()).strip('_')}"
-    times, values = table.numbers("time_s"), table.numbers(column)
-    late = np.flatnonzero(np.diff(times) <= 0.0)
-    if late.size:
-        row = int(late[0]) + 1
-        raise table.error(
-            row, "time_s", f"{times[row]:g} s comes after {times[row - 1]:g} s; sort the rows by time and keep each time once"
-        )
-    return recorded(times, values - base)

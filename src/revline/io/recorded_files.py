@@ -47,7 +47,7 @@ def read_recording(path: str | Path, variable: Variable) -> Recording:
     """Read a recorded input.
 
     Args:
-        path: of a CSV file with a column `time_s` and one named after the input and its unit, such as `throttle_deg`; others are left alone.
+        path: of a CSV file with a column `time_s` and one named after the input and its unit, `throttle_deg`; others do not matter.
         variable: the input.
 
     Raises:
