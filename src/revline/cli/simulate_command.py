@@ -64,6 +64,11 @@ def simulate(
     shell.warn(*run.notes)
     shell.write(out, format_run(run, origin), "run")
     write_run_state(out, run, origin)
+    _show(shell, run, origin, out)
+
+
+def _show(shell: Shell, run: "Trajectory", origin: "RunOrigin", out: Path) -> None:
+    speed, pressure = float(run.output("engine_speed")[-1]), float(run.output("manifold_pressure")[-1])
     record = {
         "engine": origin.engine,
         "throttle_deg": origin.throttle,
@@ -73,16 +78,16 @@ def simulate(
         "samples": len(run.times),
         "from_s": float(run.times[0]),
         "to_s": float(run.times[-1]),
-        "speed_rad_s": float(run.output("engine_speed")[-1]),
-        "pressure_kpa": float(run.output("manifold_pressure")[-1]),
+        "speed_rad_s": speed,
+        "pressure_kpa": pressure,
         "file": str(out),
     }
     facts = (
         ("samples", f"{len(run.times)}", ""),
         ("from", float(run.times[0]), "s"),
         ("to", float(run.times[-1]), "s"),
-        ("engine speed at the end", float(run.output("engine_speed")[-1]), "rad/s"),
-        ("manifold pressure at the end", float(run.output("manifold_pressure")[-1]), "kPa"),
+        ("engine speed at the end", speed, "rad/s"),
+        ("manifold pressure at the end", pressure, "kPa"),
     )
     shell.show(record, Facts(f"{origin.engine} from {origin.throttle:g} deg", facts), text_on=out)
 
