@@ -12,9 +12,11 @@ import csv
 import json
 import math
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 import tomllib
 from functools import partial
 from pathlib import Path
@@ -22,6 +24,8 @@ from typing import Any, NamedTuple
 
 HERE = Path(__file__).resolve().parent
 TABLE = HERE.parent / "reference" / "table_4_1.csv"
+LONGEST = 600.0
+"""Seconds that one command may take."""
 
 
 class Value(NamedTuple):
@@ -133,7 +137,7 @@ class Checker:
         self.failures: list[str] = []
 
     def run(self, arguments: tuple[str, ...]) -> Done:
-        done = subprocess.run([*self.program, *arguments], cwd=self.folder, capture_output=True, text=True, check=False, timeout=600)
+        done = subprocess.run([*self.program, *arguments], cwd=self.folder, capture_output=True, text=True, check=False, timeout=LONGEST)
         return Done(done.returncode, done.stdout, done.stderr)
 
     def record(self, title: str, faults: list[str]) -> None:
@@ -208,10 +212,68 @@ def check_files(checker: Checker) -> None:
         wanted = 25.0 + sum(float(row[f"{term}_deg"]) for term in ("proportional", "integral", "derivative"))
         if abs(float(row["throttle_deg"]) - min(max(wanted, 0.0), 79.46)) > 1e-9:
             faults.append(f"hunting.csv: the throttle at {row['time_s']} s is not the limited sum of its terms")
+    whole, first, later = (read_rows(folder / f"{name}.csv") for name in ("whole", "run", "later"))
+    if whole != first + later:
+        faults.append("a run that was continued is not, digit for digit, the run that did not stop")
+    if (folder / "refused.csv").exists() or (folder / "refused").exists():
+        faults.append("a refused command left a file")
     left = sorted(path.name for path in folder.rglob("*.part"))
     if left:
         faults.append(f"parts of files are left: {left}")
     checker.record("files written", faults)
+
+
+def interrupt_study(checker: Checker, out: Path) -> Done:
+    """Begin the study, interrupt it as Ctrl-C does once a step is finished, and wait for its end."""
+    command = [*checker.program, "study", "--out", str(out)]
+    with subprocess.Popen(command, cwd=checker.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
+        ends = time.monotonic() + LONGEST
+        while not list((out / "steps").glob("operating-point-*")):
+            if running.poll() is not None or time.monotonic() > ends:
+                break
+            time.sleep(0.02)
+        running.send_signal(signal.SIGINT)
+        told, warned = running.communicate(timeout=LONGEST)
+    return Done(running.returncode, told, warned)
+
+
+def check_partial(done: Done, results: str) -> list[str]:
+    """Faults of an interrupted study: it must end with 1, say that it is partial and how to go on, and leave that in its results."""
+    faults = check_frame(done, 1)
+    text = " ".join(done.err.split())
+    faults += [
+        f"the message does not say {word!r}: {text[-300:]!r}" for word in ("partial", "run the same command again") if word not in text
+    ]
+    record = json.loads(results, parse_constant=refuse_constant)
+    if record.get("partial") is not True or "operating-point" not in record.get("finished_steps", ()):
+        faults.append(f"results.json does not say that it is partial: {sorted(record)}")
+    return faults
+
+
+def check_study_command(checker: Checker) -> None:
+    """A study that was interrupted says so, goes on to the whole study, and its report comes out again byte for byte."""
+    out = checker.folder / "study"
+    done = interrupt_study(checker, out)
+    partial = (out / "results.json").read_text()
+    faults = check_partial(done, partial)
+    checker.record("revline study, interrupted", faults)
+    if checker.self_test and not faults:
+        checker.must_fail("revline study, interrupted", "success", check_partial(done._replace(status=0), partial))
+        checker.must_fail("revline study, interrupted", "silence", check_partial(done._replace(err=""), partial))
+        checker.must_fail("revline study, interrupted", "no mark of being partial", check_partial(done, "{}"))
+    refused = checker.run(("report", "study"))
+    checker.record("revline report on a partial study", check_refusal(Refusal((), 2, ("holds no finished study",)), refused))
+    whole = checker.run(("study", "--out", "study", "--json"))
+    faults = check_frame(whole, 0)
+    if json.loads(whole.out, parse_constant=refuse_constant) != json.loads((out / "results.json").read_text()):
+        faults.append("what --json prints is not results.json")
+    checker.record("revline study, continued", faults)
+    judged = subprocess.run([sys.executable, HERE / "check_study.py", out], capture_output=True, text=True, check=False)
+    checker.record("check_study.py", [judged.stdout[-500:]] if judged.returncode else [])
+    page = (out / "report.html").read_bytes()
+    (out / "report.html").unlink()
+    checker.record("revline report study", check_frame(checker.run(("report", "study", "--quiet")), 0))
+    checker.record("the report again", [] if (out / "report.html").read_bytes() == page else ["it is not the same, byte for byte"])
 
 
 def check_help(checker: Checker, tried: frozenset[str]) -> None:
@@ -281,7 +343,7 @@ def main(arguments: list[str]) -> int:
         steps = [partial(check_help, checker, frozenset(value.arguments[0] for value in values))]
         steps += [partial(checker.try_value, value) for value in values]
         steps += [partial(checker.try_refusal, case) for case in refusals]
-        steps.append(partial(check_files, checker))
+        steps += [partial(check_files, checker), partial(check_study_command, checker)]
         for step in steps:
             try:
                 step()

@@ -54,12 +54,17 @@ def make_document(material: Material) -> Document:
             ("made by", f"revline {__version__}"),
             ("made on", material.made_on),
             ("engine", config.engine),
-            ("computed in", f"{material.seconds:.1f} s"),
+            ("computed in", _duration(material)),
             ("operating point", f"throttle {config.throttle_deg:g} deg, load {config.load_n_m:g} N m"),
             ("source", "K. Lee, Automotive Engine Model Linearization, MSc thesis, University of Southern California, 1995"),
             ("results", "results.json and tables/ beside this report; each CSV names its units"),
         ),
     )
+
+
+def _duration(material: Material) -> str:
+    earlier = f", {material.kept} steps kept from an earlier run" if material.kept else ""
+    return f"{material.seconds:.1f} s{earlier}"
 
 
 def _abstract(material: Material) -> tuple[str, ...]:

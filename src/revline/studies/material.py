@@ -12,7 +12,10 @@ from revline.studies.study_results import StudyResults
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Material:
-    """What the report is made of: questions, results, checks, warnings, figures' folder and how long it took, in s."""
+    """What the report is made of: questions, results, checks, warnings, figures' folder, and how the numbers were made.
+
+    Those were finished at `made_on` by a run of so many seconds, which took `kept` steps from earlier runs.
+    """
 
     config: StudyConfig
     results: StudyResults
@@ -20,6 +23,7 @@ class Material:
     warnings: tuple[str, ...]
     figures: Path
     seconds: float
+    kept: int
     made_on: str
 
 

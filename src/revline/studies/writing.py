@@ -1,6 +1,5 @@
 """Running a study into a folder: numbers, tables, figures, report, results.json. Interrupted, it says so and goes on later."""
 
-import datetime as dt
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from revline.studies.checks import Check, check_study
 from revline.studies.config import StudyConfig
 from revline.studies.content import make_document
 from revline.studies.figures import figure_calls
+from revline.studies.making import MAKING, keep_making, read_making
 from revline.studies.material import Material
 from revline.studies.record import SCHEMA, study_record
 from revline.studies.study import NUMBERS_SHARE, compute_study
@@ -79,12 +79,14 @@ def run_study(config: StudyConfig, folder: str | Path, report: Report = lambda _
     """
     place, watch = Path(folder), Stopwatch()
     steps = _prepare(place)
+    before = _kept_files(place)
     write_json(place / RESULTS, _partial_record(place, config), "results")
     try:
         (steps / BUNDLE).unlink(missing_ok=True)  # answers to other questions may lie there
         write_value(steps / QUESTIONS, config)
         results = compute_study(config, place, report)
         write_value(steps / BUNDLE, results)
+        keep_making(steps / MAKING, results, watch.seconds, len(before & _kept_files(place)))
         return _write_all(config, results, place, report, watch)
     except KeyboardInterrupt as error:
         record = _partial_record(place, config)
@@ -105,7 +107,7 @@ def rebuild_report(folder: str | Path, report: Report = lambda _, __: None) -> S
     """
     place, watch = Path(folder), Stopwatch()
     steps = place / FOLDER
-    for name in (QUESTIONS, BUNDLE):
+    for name in (QUESTIONS, BUNDLE, MAKING):
         if not (steps / name).is_file():
             message = f"{place} holds no finished study: {FOLDER}/{name} is missing; run `revline study --out {place}` first"
             raise InvalidInputError(message, path=str(place))
@@ -167,14 +169,16 @@ def _write_all(config: StudyConfig, results: StudyResults, folder: Path, report:
     tasks = figure_tasks(config, results)
     write_figures(tasks, folder / "figures", progress=_figure_progress(report))
     report("report", FIGURES_SHARE)
+    making = read_making(folder / FOLDER / MAKING)
     material = Material(
         config=config,
         results=results,
         checks=checks,
         warnings=warnings,
         figures=folder / "figures",
-        seconds=watch.seconds,
-        made_on=dt.datetime.now(tz=dt.UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        seconds=making.seconds,
+        kept=making.kept,
+        made_on=making.made_on,
     )
     document = make_document(material)
     write_html(document, folder / "report.html")
@@ -211,13 +215,22 @@ def _prepare(folder: Path) -> Path:
     return steps
 
 
+def _finished(folder: Path) -> list[str]:
+    """Names of the steps that are kept in a study's folder."""
+    return sorted({name.rpartition("-")[0] for name in _kept_files(folder)})
+
+
+def _kept_files(folder: Path) -> frozenset[str]:
+    """Files of steps, each named by the step and the fingerprint of what it was made from."""
+    return frozenset(path.name for path in (folder / FOLDER).glob("*-*.json"))
+
+
 def _partial_record(folder: Path, config: StudyConfig) -> dict[str, Any]:
-    finished = sorted({path.name.rpartition("-")[0] for path in (folder / FOLDER).glob("*-*.json")})
     return {
         "schema": SCHEMA,
         "partial": True,
         "engine": config.engine,
         "version": __version__,
-        "finished_steps": finished,
+        "finished_steps": _finished(folder),
         "note": "this study is not finished; run the same command again and it goes on from its finished steps",
     }
