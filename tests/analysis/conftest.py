@@ -1,5 +1,6 @@
 """Small systems with known steady states, made as a user would make them."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -168,6 +169,17 @@ def chain() -> DelaySystem:
         rate=chain_rate,
         output=nothing_out,
     )
+
+
+@pytest.fixture
+def chain_out(chain: DelaySystem) -> DelaySystem:
+    """The same with its level as output, and half the feedback, so that it is stable."""
+    return replace(chain, outputs=(variable("level"),), output=first_state, emit=gentle_chain_emit)
+
+
+@equation
+def gentle_chain_emit(p: Plain, x: Vector, u: Vector, zd: Vector) -> Vector:  # noqa: ARG001 - the form of all equations
+    return x[0] * x[0], 0.1 * zd[0] + u[0]
 
 
 @equation

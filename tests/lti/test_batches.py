@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from revline.lti.batches import solve_each
+from revline.lti.batches import invert_each, solve_each
 
 
 def test_solves_each_with_one_or_more_right_hand_sides() -> None:
@@ -23,3 +23,11 @@ def test_system_without_numbers_gives_none_and_leaves_the_others() -> None:
     found = solve_each(matrices, np.array([[1.0], [1.0]]))
     assert np.isnan(found[0, 0])
     assert found[1, 0] == 0.5
+
+
+def test_inverts_each_singular_ones_by_the_pseudo_inverse() -> None:
+    matrices = np.array([[[2.0, 1.0], [0.0, 4.0]], [[1.0, 1.0], [1.0, 1.0]], [[np.inf, 0.0], [0.0, 1.0]]])
+    found = invert_each(matrices)
+    assert found[0] == pytest.approx(np.array([[0.5, -0.125], [0.0, 0.25]]))
+    assert found[1] == pytest.approx(np.full((2, 2), 0.25))
+    assert np.all(np.isnan(found[2]))

@@ -26,3 +26,14 @@ def solve_each(matrices: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
         solutions = np.linalg.pinv(usable) @ columns
     solutions = np.where(finite[..., None, None], solutions, np.nan)
     return solutions if right.ndim == matrices.ndim else solutions[..., 0]
+
+
+def invert_each(matrices: NDArray[Any]) -> NDArray[Any]:
+    """Invert many small matrices; of singular ones the pseudo-inverse is given, of one with entries that are not finite NaN."""
+    finite = np.all(np.isfinite(matrices), axis=(-2, -1))
+    usable = np.where(finite[..., None, None], matrices, np.eye(matrices.shape[-1]))
+    try:
+        inverses = np.linalg.inv(usable)
+    except np.linalg.LinAlgError:
+        inverses = np.linalg.pinv(usable)
+    return np.where(finite[..., None, None], inverses, np.nan)

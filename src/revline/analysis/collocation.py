@@ -1,0 +1,86 @@
+"""Fourier collocation on one period: equispaced samples, their derivative, and reading between them.
+
+The number of samples is odd, so that harmonics 0 to H have their sine and their cosine each: no harmonic is half there.
+
+Source: Trefethen (2000), Spectral Methods in MATLAB, chapter 3.
+"""
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+
+from revline.errors import out_of_range
+from revline.lti.response import Complexes
+from revline.system import Floats
+from revline.values import make_read_only
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Collocation:
+    """Samples of one period at equal distances, exact for all harmonics up to the highest.
+
+    Attributes:
+        harmonics: number of the highest harmonic, H; there are N = 2 H + 1 samples.
+        phases: of the samples, in rad, from 0 on, shape (N,).
+        derivative: takes samples to the samples of their derivative by the phase, shape (N, N).
+        analysis: takes samples to coefficients c of sum c_m exp(j m phase), m = 0 to H, its real part being meant, shape (N, H + 1).
+    """
+
+    harmonics: int
+    phases: Floats
+    derivative: Floats
+    analysis: Complexes
+
+    def __post_init__(self) -> None:
+        make_read_only(self)
+
+    @property
+    def count(self) -> int:
+        """Number of samples."""
+        return 2 * self.harmonics + 1
+
+    def coefficients(self, samples: Floats) -> Complexes:
+        """Find harmonics: samples along the last axis but one to coefficients along it."""
+        found: Complexes = np.einsum("nm,...nk->...mk", self.analysis, samples)
+        return found
+
+    def waves(self, phases: Floats) -> Complexes:
+        """Give exp(j m phase) of all harmonics, along a new last axis.
+
+        Computed as powers of exp(j phase) by repeated doubling of the list, which costs one exponential per phase.
+        """
+        base = np.exp(1j * phases)
+        found = np.empty((*phases.shape, self.harmonics + 1), dtype=complex)
+        found[..., 0] = 1.0
+        have = 1
+        while have <= self.harmonics:
+            more = min(have, self.harmonics + 1 - have)
+            np.multiply(found[..., :more], (found[..., have - 1] * base)[..., None], out=found[..., have : have + more])
+            have += more
+        return found
+
+
+@functools.lru_cache(maxsize=16)
+def collocation(harmonics: int) -> Collocation:
+    """Lay out the samples for a number of harmonics.
+
+    Raises:
+        InvalidInputError: the number is below 1.
+    """
+    if harmonics < 1:
+        raise out_of_range("harmonics", harmonics, "", "1 and above", "give the number of the highest harmonic")
+    count = 2 * harmonics + 1
+    phases = 2.0 * np.pi * np.arange(count) / count
+    numbers = np.arange(harmonics + 1)
+    weights = np.where(numbers == 0, 1.0, 2.0) / count
+    analysis = np.exp(-1j * np.outer(phases, numbers)) * weights
+    derivative = ((1j * numbers * np.exp(1j * np.outer(phases, numbers))) @ analysis.T).real
+    return Collocation(harmonics=harmonics, phases=phases, derivative=derivative, analysis=analysis)
+
+
+def refine(samples: Floats, coarse: Collocation, fine: Collocation) -> Floats:
+    """Read samples at the phases of a finer collocation; samples along the last axis but one."""
+    waves = coarse.waves(fine.phases)
+    read: Floats = np.einsum("fm,...mk->...fk", waves, coarse.coefficients(samples)).real
+    return read

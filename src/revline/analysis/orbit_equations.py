@@ -1,0 +1,186 @@
+"""The equations that a periodic orbit of a delay system fulfils at its collocation points, for many orbits at once.
+
+Unknown are the samples of the states and of the channels' readings over one period of phase:
+
+    omega dx/dphase = rate(x, u, zd)        zd_i(phase) = z_i(phase - omega lag_i)        z = emit(x, u, zd)
+
+The right side of the second is read from the samples of z by trigonometric interpolation, so the delays, state-dependent ones too,
+are exact to the order of the highest harmonic.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from revline.analysis.collocation import Collocation
+from revline.analysis.jacobians import differentiate, evaluate
+from revline.analysis.linearize import search_scale
+from revline.lti.batches import invert_each, solve_each
+from revline.system import DelaySystem, Floats
+
+Positions = NDArray[np.int64] | NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Orbits:
+    """Samples of orbits over one period each.
+
+    Attributes:
+        omega: frequencies in rad/s, shape (n,).
+        inputs: shape (n, N, n_inputs).
+        states: shape (n, N, n_states).
+        readings: of the channels, shape (n, N, n_channels).
+    """
+
+    omega: Floats
+    inputs: Floats
+    states: Floats
+    readings: Floats
+
+    def take(self, which: Positions) -> "Orbits":
+        """Give some of the orbits: `which` is a mask or a list of positions."""
+        return Orbits(omega=self.omega[which], inputs=self.inputs[which], states=self.states[which], readings=self.readings[which])
+
+    def with_part(self, which: Positions, part: "Orbits") -> "Orbits":
+        """Give the same orbits, those at some positions replaced."""
+        states, readings = self.states.copy(), self.readings.copy()
+        states[which], readings[which] = part.states, part.readings
+        return replace(self, states=states, readings=readings)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Misses:
+    """By how much orbits miss their equations.
+
+    Attributes:
+        states: omega dx/dphase - rate, shape (n, N, n_states).
+        readings: zd - z(phase - omega lag), shape (n, N, n_channels).
+        lags: of the channels, in s, shape (n, N, n_channels).
+    """
+
+    states: Floats
+    readings: Floats
+    lags: Floats
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OrbitEquations:
+    """A system's equations on a collocation."""
+
+    system: DelaySystem
+    mesh: Collocation
+
+    @property
+    def direct(self) -> bool:
+        """Whether readings follow from states and inputs alone: no channel and no lag reads a channel."""
+        structure = self.system.structure
+        return not any(name.startswith("zd") for sources in (*structure.emit, *structure.lags) for name in sources)
+
+    def misses(self, orbits: Orbits) -> Misses:
+        """Evaluate the equations."""
+        return self._misses(orbits, *self._delayed(orbits))
+
+    def settle(self, orbits: Orbits) -> tuple[Orbits, Misses]:
+        """Set readings that follow from states and inputs alone to what the channels deliver, and evaluate the equations."""
+        lags, delayed = self._delayed(orbits)
+        if self.direct:
+            orbits = replace(orbits, readings=delayed)
+        return orbits, self._misses(orbits, lags, delayed)
+
+    def _misses(self, orbits: Orbits, lags: Floats, delayed: Floats) -> Misses:
+        rates = evaluate(self.system, self.system.rate, orbits.states, orbits.inputs, orbits.readings)
+        moved = (self.mesh.derivative @ orbits.states) * orbits.omega[:, None, None]
+        return Misses(states=moved - rates, readings=orbits.readings - delayed, lags=lags)
+
+    def solver(self, orbits: Orbits) -> "NewtonSolver":
+        """Linearise the equations about orbits, exactly."""
+        n, count, n_states = orbits.states.shape
+        n_channels = orbits.readings.shape[2]
+        rate_x, _, rate_z = differentiate(self.system, self.system.rate, orbits.states, orbits.inputs, orbits.readings)
+        delivered, own_readings = self._deliveries(orbits)
+        if own_readings.size:
+            delivered = solve_each(own_readings, delivered)
+        matrix = np.zeros((n, count, n_states, count, n_states))
+        turn = orbits.omega[:, None, None] * self.mesh.derivative
+        for k in range(n_states):
+            matrix[:, :, k, :, k] = turn
+        own = np.arange(count)
+        matrix[:, own, :, own] -= np.moveaxis(rate_x, 1, 0)
+        through = rate_z @ delivered.reshape(n, count, n_channels, count * n_states)
+        matrix -= through.reshape(n, count, n_states, count, n_states)
+        inverse = invert_each(matrix.reshape(n, count * n_states, count * n_states))
+        return NewtonSolver(inverse=inverse, rate_z=rate_z, delivered=delivered, own_readings=own_readings)
+
+    def _deliveries(self, orbits: Orbits) -> tuple[Floats, Floats]:
+        """How what channels deliver changes with the states, and the readings' own equations; no array of the latter where these are 1."""
+        n, count, n_states = orbits.states.shape
+        n_channels = orbits.readings.shape[2]
+        points = (orbits.states, orbits.inputs, orbits.readings)
+        emit_x, _, emit_z = differentiate(self.system, self.system.emit, *points)
+        lags_x, _, lags_z = differentiate(self.system, self.system.lags, *points)
+        lags = evaluate(self.system, self.system.lags, *points)
+        entering = evaluate(self.system, self.system.emit, *points)
+        waves = self.mesh.waves(self.mesh.phases[:, None] - orbits.omega[:, None, None] * lags)
+        reading = (waves @ self.mesh.analysis.T).real  # how each sample is read from all of z, shape (n, N, n_channels, N)
+        turning = waves * (1j * np.arange(self.mesh.harmonics + 1))
+        slope = np.einsum("niam,nma->nia", turning, self.mesh.coefficients(entering)).real * orbits.omega[:, None, None]
+        own = np.arange(count)
+        delivered = np.einsum("niaj,njab->niajb", reading, emit_x)
+        delivered[:, own, :, own] -= np.moveaxis(slope[..., None] * lags_x, 1, 0)
+        delivered = delivered.reshape(n, count * n_channels, count * n_states)
+        if self.direct:
+            return delivered, np.empty((n, 0, 0))
+        looped = np.einsum("niaj,njab->niajb", reading, emit_z)
+        looped[:, own, :, own] -= np.moveaxis(slope[..., None] * lags_z, 1, 0)
+        size = count * n_channels
+        return delivered, np.eye(size) - looped.reshape(n, size, size)
+
+    def scales(self, orbits: Orbits) -> Floats:
+        """How far each state swings, by which its changes are judged, shape (n, n_states)."""
+        swing = np.ptp(orbits.states, axis=1)
+        floor = 1e-9 * np.array([search_scale(variable) for variable in self.system.states])
+        scales: Floats = np.maximum(swing, floor)
+        return scales
+
+    def _delayed(self, orbits: Orbits) -> tuple[Floats, Floats]:
+        """Lags, and what the channels deliver."""
+        points = (orbits.states, orbits.inputs, orbits.readings)
+        lags = evaluate(self.system, self.system.lags, *points)
+        entering = self.mesh.coefficients(evaluate(self.system, self.system.emit, *points))
+        waves = self.mesh.waves(self.mesh.phases[:, None] - orbits.omega[:, None, None] * lags)
+        return lags, np.einsum("niam,nma->nia", waves, entering).real
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NewtonSolver:
+    """Solves the linearised equations; readings are eliminated.
+
+    Attributes:
+        inverse: of the equations of the states alone, shape (n, N n_states, N n_states).
+        rate_z: derivative of the rates by the readings, shape (n, N, n_states, n_channels).
+        delivered: change of the readings for one of the states, shape (n, N n_channels, N n_states).
+        own_readings: the readings' own equations where channels read channels; else of no size.
+    """
+
+    inverse: Floats
+    rate_z: Floats
+    delivered: Floats
+    own_readings: Floats
+
+    def take(self, which: Positions) -> "NewtonSolver":
+        """Give the solver of some of the orbits."""
+        return NewtonSolver(
+            inverse=self.inverse[which], rate_z=self.rate_z[which], delivered=self.delivered[which], own_readings=self.own_readings[which]
+        )
+
+    def step(self, misses: Misses) -> tuple[Floats, Floats]:
+        """Find the changes of states and readings that mend the misses, to first order."""
+        n, count, n_states = misses.states.shape
+        readings = misses.readings
+        if self.own_readings.size:
+            readings = solve_each(self.own_readings, readings.reshape(n, -1)).reshape(readings.shape)
+        right = misses.states + np.einsum("niab,nib->nia", self.rate_z, readings)
+        states = -(self.inverse @ right.reshape(n, -1, 1))
+        changed = (self.delivered @ states).reshape(misses.readings.shape) - readings
+        return states.reshape(n, count, n_states), changed
