@@ -88,32 +88,38 @@ class OrbitEquations:
             orbits = replace(orbits, readings=delayed)
         return orbits, self._misses(orbits, lags, delayed)
 
+    def deliver(self, orbits: Orbits) -> Orbits:
+        """Set the readings to what the channels deliver, in as many passes as channels may follow one another."""
+        for _ in range(1 if self.direct else len(self.system.channels)):
+            orbits = replace(orbits, readings=self._delayed(orbits)[1])
+        return orbits
+
     def _misses(self, orbits: Orbits, lags: Floats, delayed: Floats) -> Misses:
         rates = evaluate(self.system, self.system.rate, orbits.states, orbits.inputs, orbits.readings)
         moved = (self.mesh.derivative @ orbits.states) * orbits.omega[:, None, None]
         return Misses(states=moved - rates, readings=orbits.readings - delayed, lags=lags)
 
-    def solver(self, orbits: Orbits) -> "NewtonSolver":
-        """Linearise the equations about orbits, exactly."""
+    def linearise(self, orbits: Orbits) -> "LinearOrbits":
+        """Differentiate the equations about orbits, exactly; readings are eliminated."""
         n, count, n_states = orbits.states.shape
         n_channels = orbits.readings.shape[2]
         rate_x, _, rate_z = differentiate(self.system, self.system.rate, orbits.states, orbits.inputs, orbits.readings)
-        delivered, own_readings = self._deliveries(orbits)
-        if own_readings.size:
-            delivered = solve_each(own_readings, delivered)
+        given = self._deliveries(orbits)
         matrix = np.zeros((n, count, n_states, count, n_states))
         turn = orbits.omega[:, None, None] * self.mesh.derivative
         for k in range(n_states):
             matrix[:, :, k, :, k] = turn
         own = np.arange(count)
         matrix[:, own, :, own] -= np.moveaxis(rate_x, 1, 0)
-        through = rate_z @ delivered.reshape(n, count, n_channels, count * n_states)
+        through = rate_z @ given.by_states.reshape(n, count, n_channels, count * n_states)
         matrix -= through.reshape(n, count, n_states, count, n_states)
-        inverse = invert_each(matrix.reshape(n, count * n_states, count * n_states))
-        return NewtonSolver(inverse=inverse, rate_z=rate_z, delivered=delivered, own_readings=own_readings)
+        by_omega = self.mesh.derivative @ orbits.states - np.einsum("niab,nib->nia", rate_z, given.by_omega)
+        return LinearOrbits(
+            matrix=matrix.reshape(n, count * n_states, count * n_states), by_omega=by_omega, rate_z=rate_z, deliveries=given
+        )
 
-    def _deliveries(self, orbits: Orbits) -> tuple[Floats, Floats]:
-        """How what channels deliver changes with the states, and the readings' own equations; no array of the latter where these are 1."""
+    def _deliveries(self, orbits: Orbits) -> "Deliveries":
+        """Differentiate what the channels deliver."""
         n, count, n_states = orbits.states.shape
         n_channels = orbits.readings.shape[2]
         points = (orbits.states, orbits.inputs, orbits.readings)
@@ -124,17 +130,20 @@ class OrbitEquations:
         waves = self.mesh.waves(self.mesh.phases[:, None] - orbits.omega[:, None, None] * lags)
         reading = (waves @ self.mesh.analysis.T).real  # how each sample is read from all of z, shape (n, N, n_channels, N)
         turning = waves * (1j * np.arange(self.mesh.harmonics + 1))
-        slope = np.einsum("niam,nma->nia", turning, self.mesh.coefficients(entering)).real * orbits.omega[:, None, None]
+        slope = np.einsum("niam,nma->nia", turning, self.mesh.coefficients(entering)).real
+        late = (slope * orbits.omega[:, None, None])[..., None]
         own = np.arange(count)
-        delivered = np.einsum("niaj,njab->niajb", reading, emit_x)
-        delivered[:, own, :, own] -= np.moveaxis(slope[..., None] * lags_x, 1, 0)
-        delivered = delivered.reshape(n, count * n_channels, count * n_states)
+        by_states = np.einsum("niaj,njab->niajb", reading, emit_x)
+        by_states[:, own, :, own] -= np.moveaxis(late * lags_x, 1, 0)
+        by_states = by_states.reshape(n, count * n_channels, count * n_states)
         if self.direct:
-            return delivered, np.empty((n, 0, 0))
+            return Deliveries(by_states=by_states, by_omega=-lags * slope, own=np.empty((n, 0, 0)))
         looped = np.einsum("niaj,njab->niajb", reading, emit_z)
-        looped[:, own, :, own] -= np.moveaxis(slope[..., None] * lags_z, 1, 0)
+        looped[:, own, :, own] -= np.moveaxis(late * lags_z, 1, 0)
         size = count * n_channels
-        return delivered, np.eye(size) - looped.reshape(n, size, size)
+        equations = np.eye(size) - looped.reshape(n, size, size)
+        by_omega = solve_each(equations, (-lags * slope).reshape(n, size)).reshape(lags.shape)
+        return Deliveries(by_states=solve_each(equations, by_states), by_omega=by_omega, own=equations)
 
     def scales(self, orbits: Orbits) -> Floats:
         """How far each state swings, by which its changes are judged, shape (n, n_states)."""
@@ -153,34 +162,83 @@ class OrbitEquations:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class NewtonSolver:
-    """Solves the linearised equations; readings are eliminated.
+class Deliveries:
+    """How the readings change.
 
     Attributes:
-        inverse: of the equations of the states alone, shape (n, N n_states, N n_states).
+        by_states: with the samples of the states, shape (n, N n_channels, N n_states).
+        by_omega: with the frequency, the states held, shape (n, N, n_channels).
+        own: the readings' own equations where channels read channels, shape (n, N n_channels, N n_channels); else of no size.
+    """
+
+    by_states: Floats
+    by_omega: Floats
+    own: Floats
+
+    def mend(self, misses: Floats) -> Floats:
+        """Find by how much readings are too large, given by how much they miss their equations."""
+        if not self.own.size:
+            return misses
+        mended: Floats = solve_each(self.own, misses.reshape(misses.shape[0], -1)).reshape(misses.shape)
+        return mended
+
+    def take(self, which: Positions) -> "Deliveries":
+        """Give those of some orbits."""
+        return Deliveries(by_states=self.by_states[which], by_omega=self.by_omega[which], own=self.own[which])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LinearOrbits:
+    """The equations of the states alone, linearised about orbits.
+
+    Attributes:
+        matrix: by the samples of the states, shape (n, N n_states, N n_states).
+        by_omega: by the frequency, shape (n, N, n_states).
         rate_z: derivative of the rates by the readings, shape (n, N, n_states, n_channels).
-        delivered: change of the readings for one of the states, shape (n, N n_channels, N n_states).
-        own_readings: the readings' own equations where channels read channels; else of no size.
+        deliveries: how the readings follow.
+    """
+
+    matrix: Floats
+    by_omega: Floats
+    rate_z: Floats
+    deliveries: Deliveries
+
+    def right_side(self, misses: Misses) -> tuple[Floats, Floats]:
+        """What the states' equations miss once the readings are mended, and by how much those are too large."""
+        excess = self.deliveries.mend(misses.readings)
+        return misses.states + np.einsum("niab,nib->nia", self.rate_z, excess), excess
+
+    def solver(self) -> "NewtonSolver":
+        """Invert the matrices."""
+        return NewtonSolver(inverse=invert_each(self.matrix), linear=self)
+
+    def take(self, which: Positions) -> "LinearOrbits":
+        """Give those of some orbits."""
+        return LinearOrbits(
+            matrix=self.matrix[which], by_omega=self.by_omega[which], rate_z=self.rate_z[which], deliveries=self.deliveries.take(which)
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NewtonSolver:
+    """Solves the linearised equations at given frequencies.
+
+    Attributes:
+        inverse: of the matrices of the states' equations.
+        linear: the linearised equations.
     """
 
     inverse: Floats
-    rate_z: Floats
-    delivered: Floats
-    own_readings: Floats
+    linear: LinearOrbits
 
     def take(self, which: Positions) -> "NewtonSolver":
         """Give the solver of some of the orbits."""
-        return NewtonSolver(
-            inverse=self.inverse[which], rate_z=self.rate_z[which], delivered=self.delivered[which], own_readings=self.own_readings[which]
-        )
+        return NewtonSolver(inverse=self.inverse[which], linear=self.linear.take(which))
 
     def step(self, misses: Misses) -> tuple[Floats, Floats]:
         """Find the changes of states and readings that mend the misses, to first order."""
-        n, count, n_states = misses.states.shape
-        readings = misses.readings
-        if self.own_readings.size:
-            readings = solve_each(self.own_readings, readings.reshape(n, -1)).reshape(readings.shape)
-        right = misses.states + np.einsum("niab,nib->nia", self.rate_z, readings)
+        right, excess = self.linear.right_side(misses)
+        n = right.shape[0]
         states = -(self.inverse @ right.reshape(n, -1, 1))
-        changed = (self.delivered @ states).reshape(misses.readings.shape) - readings
-        return states.reshape(n, count, n_states), changed
+        readings = (self.linear.deliveries.by_states @ states).reshape(excess.shape) - excess
+        return states.reshape(right.shape), readings

@@ -112,7 +112,7 @@ def solve_orbits(equations: OrbitEquations, start: Orbits, *, tolerance: float) 
     while active.size:
         part = orbits.take(active)
         if solver is None:
-            solver = equations.solver(part)
+            solver = equations.linearise(part).solver()
             change = Change(*solver.step(equations.misses(part)))
         trial = _try_steps(equations, solver, part, change, tolerance)
         steps[active] += 1
