@@ -1,0 +1,236 @@
+"""Margins of a loop with its delay exact: every crossover, and how far gain, phase, delay and a disk about them may change.
+
+The loop is evaluated on a grid that is refined until neither its phase, delay included, nor its magnitude changes much between
+neighbours; each crossing is then found by root finding and each peak by minimisation.
+
+Source: Astrom and Hagglund (2006), Advanced PID Control, section 4.6; disk margins: Seiler, Packard and Gahinet (2020), IEEE Control
+Systems Magazine 40(5), 78-95.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq, minimize_scalar
+
+from revline.design.open_loop import OpenLoop
+from revline.errors import InvalidInputError, NotConvergedError, out_of_range
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+PHASE_STEP = 0.2
+"""Largest change of the loop's phase between neighbours on the grid, in rad."""
+
+SIZE_STEP = 0.2
+"""Largest change of the logarithm of the loop's magnitude between neighbours."""
+
+MOST_POINTS = 400_000
+"""Most frequencies on the grid."""
+
+FLOOR = 1e-3
+"""Where the magnitude stays below this, crossings of the phase are not looked for: the gain may rise 1000 times."""
+
+HIGHEST = 1e9
+"""A loop that has not fallen below the floor at this frequency, in rad/s, does not fall."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GainCrossover:
+    """A frequency at which the loop gain is 1.
+
+    Attributes:
+        frequency: in rad/s.
+        phase_margin_deg: phase above -180 degrees there, -180 to 180.
+        delay_margin: further delay that makes the loop oscillate there, in s.
+    """
+
+    frequency: float
+    phase_margin_deg: float
+    delay_margin: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PhaseCrossover:
+    """A frequency at which the loop's phase is -180 degrees, up to whole turns.
+
+    Attributes:
+        frequency: in rad/s.
+        gain_margin: factor of the gain that makes the loop oscillate there.
+    """
+
+    frequency: float
+    gain_margin: float
+
+    @property
+    def gain_margin_db(self) -> float:
+        """The factor in decibels."""
+        return 20.0 * math.log10(self.gain_margin)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Peak:
+    """A largest magnitude over frequency."""
+
+    value: float
+    frequency: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Margins:
+    """Margins of a loop. Of an unstable loop they say how far it is from stability, if a change of that kind gives any.
+
+    Attributes:
+        loop: its name.
+        stable: whether the closed loop is stable.
+        unstable_poles: of the closed loop; infinite where the delay makes them so.
+        gain_crossovers: all, by rising frequency.
+        phase_crossovers: all between the ends of the grid, by rising frequency.
+        sensitivity: peak of 1/|1 + L|, Ms.
+        complementary: peak of |L/(1 + L)|, Mt.
+        disk: peak of |(1 - L)/(1 + L)|/2; its inverse is the disk margin.
+        searched: lowest and highest frequency of the grid, in rad/s.
+        points: on the grid.
+    """
+
+    loop: str
+    stable: bool
+    unstable_poles: float
+    gain_crossovers: tuple[GainCrossover, ...]
+    phase_crossovers: tuple[PhaseCrossover, ...]
+    sensitivity: Peak
+    complementary: Peak
+    disk: Peak
+    searched: tuple[float, float]
+    points: int
+
+    @property
+    def gain_rise(self) -> PhaseCrossover | None:
+        """The crossing that limits a rise of the gain; none where the gain may rise without end, up to the grid's highest frequency."""
+        return min((c for c in self.phase_crossovers if c.gain_margin > 1.0), key=lambda c: c.gain_margin, default=None)
+
+    @property
+    def gain_fall(self) -> PhaseCrossover | None:
+        """The crossing that limits a fall of the gain; none where the gain may fall to nothing."""
+        return max((c for c in self.phase_crossovers if c.gain_margin < 1.0), key=lambda c: c.gain_margin, default=None)
+
+    @property
+    def phase(self) -> GainCrossover | None:
+        """The crossover with the smallest phase margin; none where the loop gain never is 1."""
+        return min(self.gain_crossovers, key=lambda c: abs(c.phase_margin_deg), default=None)
+
+    @property
+    def delay(self) -> GainCrossover | None:
+        """The crossover with the smallest delay margin; none where the loop gain never is 1."""
+        return min(self.gain_crossovers, key=lambda c: c.delay_margin, default=None)
+
+    @property
+    def disk_margin(self) -> float:
+        """Disk margin alpha: gain may change by factors from (2 - alpha)/(2 + alpha) to its inverse, phase by 2 atan(alpha/2), at once."""
+        return 1.0 / self.disk.value
+
+
+def find_margins(loop: OpenLoop, *, low: float = 1e-3) -> Margins:
+    """Find all crossovers and margins of a loop.
+
+    Args:
+        loop: from `open_loop_of_model` or `open_loop_of_system`.
+        low: lowest frequency looked at, in rad/s; the loop should go like a power of s there.
+
+    Raises:
+        InvalidInputError: the frequency is not above 0, or the loop is improper: its gain does not fall at high frequency.
+        NotConvergedError: the loop turns too fast for the grid, or has a pole on the imaginary axis within it.
+    """
+    if not (math.isfinite(low) and low > 0.0):
+        raise out_of_range("lowest frequency", low, "rad/s", "values above 0", "give one well below the loop's bandwidth")
+    grid, values = _grid(loop, low, _top(loop, low))
+    crossovers = tuple(_gain_crossover(loop, w) for w in _roots(lambda w: abs(_at(loop, w)) - 1.0, grid, np.abs(values) - 1.0))
+    turns = _roots(lambda w: float(_at(loop, w).imag), grid, values.imag)
+    negative = [(w, _at(loop, w)) for w in turns]
+    return Margins(
+        loop=loop.name,
+        stable=loop.stable,
+        unstable_poles=loop.unstable_poles,
+        gain_crossovers=crossovers,
+        phase_crossovers=tuple(PhaseCrossover(frequency=w, gain_margin=1.0 / abs(v)) for w, v in negative if v.real < 0.0),
+        sensitivity=_peak(lambda w: 1.0 / (1.0 + _values(loop, w)), grid),
+        complementary=_peak(lambda w: 1.0 - 1.0 / (1.0 + _values(loop, w)), grid),
+        disk=_peak(lambda w: 1.0 / (1.0 + _values(loop, w)) - 0.5, grid),
+        searched=(float(grid[0]), float(grid[-1])),
+        points=grid.size,
+    )
+
+
+def _values(loop: OpenLoop, omega: Floats) -> Complexes:
+    return np.asarray(loop.transfer(1j * omega))
+
+
+def _at(loop: OpenLoop, omega: float) -> complex:
+    return complex(_values(loop, np.array([omega]))[0])
+
+
+def _top(loop: OpenLoop, low: float) -> float:
+    """A frequency beyond which the loop gain stays below the floor."""
+    grid = np.geomspace(low, HIGHEST, 60 * round(math.log10(HIGHEST / low)))
+    sizes = np.abs(_values(loop, grid))
+    above = np.flatnonzero(~(sizes < FLOOR))
+    if above.size and above[-1] == grid.size - 1:
+        message = (
+            f"the loop {loop.name} is improper, or nearly so: its gain is still {sizes[-1]:g} at {HIGHEST:g} rad/s, so that margins at "
+            "high frequency mean nothing; filter the derivative, kd s/(1 + s kd/(N kp)) with N of 5 to 20, or add the actuator's lag"
+        )
+        raise InvalidInputError(message, gain=float(sizes[-1]))
+    return float(grid[above[-1] + 1]) if above.size else float(grid[1])
+
+
+def _grid(loop: OpenLoop, low: float, high: float) -> tuple[Floats, Complexes]:
+    """Frequencies between which neither phase nor magnitude changes much."""
+    grid = np.geomspace(low, high, 200)
+    values = _values(loop, grid)
+    while True:
+        if not np.all(np.isfinite(values)) or np.any(values == 0.0):
+            bad = float(grid[~np.isfinite(values) | (values == 0.0)][0])
+            message = f"the loop {loop.name} has a pole or a zero on the imaginary axis at {bad:g} rad/s: no margins there"
+            raise NotConvergedError(message, frequency=bad)
+        ratio = values[1:] / values[:-1]
+        coarse = (np.abs(np.angle(ratio)) > PHASE_STEP) | (np.abs(np.log(np.abs(ratio))) > SIZE_STEP)
+        coarse |= loop.delay * np.diff(grid) > PHASE_STEP
+        if not np.any(coarse):
+            return grid, values
+        if grid.size > MOST_POINTS or np.min(np.diff(grid)[coarse] / grid[1:][coarse]) < 1e-13:
+            where = float(grid[1:][coarse][0])
+            message = f"the loop {loop.name} turns too fast near {where:g} rad/s to be followed with {MOST_POINTS} frequencies"
+            raise NotConvergedError(message, frequency=where)
+        middle = np.sqrt(grid[:-1][coarse] * grid[1:][coarse])
+        places = np.flatnonzero(coarse) + 1
+        grid = np.insert(grid, places, middle)
+        values = np.insert(values, places, _values(loop, middle))
+
+
+def _roots(function: Callable[[float], float], grid: Floats, values: Floats) -> list[float]:
+    """Roots of a real function between the points at which it changes its sign."""
+    changes = np.flatnonzero((values[1:] > 0.0) != (values[:-1] > 0.0))
+    return [float(brentq(function, grid[k], grid[k + 1], xtol=1e-300, rtol=1e-14)) for k in changes]
+
+
+def _gain_crossover(loop: OpenLoop, omega: float) -> GainCrossover:
+    above = math.atan2(-_at(loop, omega).imag, -_at(loop, omega).real)  # phase of -L: phase above -180 degrees
+    return GainCrossover(frequency=omega, phase_margin_deg=math.degrees(above), delay_margin=(above % (2.0 * math.pi)) / omega)
+
+
+def _peak(function: Callable[[Floats], Complexes], grid: Floats) -> Peak:
+    """Largest magnitude on the grid, improved between the neighbours of the largest points."""
+    sizes = np.abs(function(grid))
+    inner = np.flatnonzero((sizes[1:-1] >= sizes[:-2]) & (sizes[1:-1] >= sizes[2:])) + 1
+    best = int(np.argmax(sizes))
+    found = Peak(value=float(sizes[best]), frequency=float(grid[best]))
+    for k in inner[np.argsort(-sizes[inner])][:8]:
+        low, high = math.log(grid[k - 1]), math.log(grid[k + 1])
+        result = minimize_scalar(
+            lambda x: -abs(complex(function(np.array([math.exp(x)]))[0])), bounds=(low, high), method="bounded", options={"xatol": 1e-12}
+        )
+        if -float(result.fun) > found.value:
+            found = Peak(value=-float(result.fun), frequency=math.exp(float(result.x)))
+    return found
