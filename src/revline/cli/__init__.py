@@ -14,7 +14,7 @@ from typing import Annotated, NamedTuple, TextIO
 import typer
 
 from revline import __version__
-from revline.cli import engine_commands, loop_command, model_commands, response_command, simulate_command, study_commands
+from revline.cli import engine_commands, loop_command, margins_command, model_commands, response_command, simulate_command, study_commands
 from revline.cli.shell import say
 from revline.errors import RevlineError
 
@@ -62,6 +62,12 @@ COMMANDS = (
         model_commands.tune,
         "Tune a controller for a model by a rule.",
         "revline tune g1.json --rule pole-placement --natural-frequency 18.85 --damping 1.25 --out c1.json",
+    ),
+    Entry(
+        "margins",
+        margins_command.margins,
+        "Margins of a loop, its delay exact.",
+        "revline margins g2d.json controller.json",
     ),
     Entry(
         "loop",

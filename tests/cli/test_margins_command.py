@@ -1,0 +1,85 @@
+import json
+from pathlib import Path
+
+import pytest
+
+from .conftest import Command
+
+
+@pytest.fixture
+def c2d(tmp_path: Path) -> Path:
+    path = tmp_path / "c2d.json"
+    path.write_text('{"kp": 1.2, "ki": 2.0, "kd": 0.1}')
+    return path
+
+
+@pytest.fixture
+def g2d(revline: Command, table: Path, tmp_path: Path) -> Path:
+    path = tmp_path / "g2d.json"
+    assert revline("fit", table, "--zeros", 0, "--poles", 2, "--delay", "phase-line", "--out", path, "-q").status == 0
+    return path
+
+
+@pytest.mark.reference
+def test_proportional_control_of_the_engine_has_its_critical_gain(revline: Command, tmp_path: Path) -> None:
+    """Converged: 2.106 deg per rad/s at 25 deg, 2.794 at 30 deg, oscillating at 29.8 and 38.0 rad/s."""
+    path = tmp_path / "p.json"
+    path.write_text('{"kp": 1.0, "ki": 0.0, "kd": 0.0}')
+    for angle, gain, frequency in ((25, 2.106, 29.8), (30, 2.794, 38.0)):
+        record = json.loads(revline("margins", path, "--throttle", angle, "--json").out)
+        assert record["gain_margin"] == pytest.approx(gain, abs=5e-4)
+        assert record["phase_crossovers"][0]["frequency_rad_s"] == pytest.approx(frequency, abs=0.05)
+        assert (record["stable"], record["unstable_poles"]) == (True, 0)
+
+
+def test_an_unstable_loop_says_so_first(revline: Command, g2d: Path, c1: Path) -> None:
+    done = revline("margins", g2d, c1)
+    assert done.out.splitlines()[0].strip() == "g2d under pole-placement: UNSTABLE"
+    assert json.loads(revline("margins", g2d, c1, "--json").out)["unstable_poles"] == 2
+
+
+def test_a_model_without_delay_lets_the_gain_rise_without_end(revline: Command, g1: Path, c1: Path) -> None:
+    record = json.loads(revline("margins", g1, c1, "--json").out)
+    assert "gain_margin" not in record
+    assert record["phase_crossovers_found"] == 0
+    assert "none up to" in revline("margins", g1, c1).out
+
+
+def test_the_record_is_written(revline: Command, c2d: Path, tmp_path: Path) -> None:
+    path = tmp_path / "margins.json"
+    done = revline("margins", c2d, "--throttle", 25, "--load", 10, "--out", path)
+    assert done.status == 0
+    record = json.loads(path.read_text())
+    assert record["loop"].startswith("lee1995 at 25 deg, 10 N m")
+    assert record["ms"] > 1.0
+    assert len(record["phase_crossovers"]) == 12 < record["phase_crossovers_found"]
+
+
+def test_a_loop_with_infinitely_many_unstable_poles_is_improper(revline: Command, tmp_path: Path) -> None:
+    model, gains = tmp_path / "lag.json", tmp_path / "pd.json"
+    model.write_text('{"numerator": [2.0], "denominator": [1.0, 1.0], "delay_s": 0.1}')
+    gains.write_text('{"kp": 1.0, "ki": 0.0, "kd": 0.9}')
+    done = revline("margins", model, gains)
+    assert done.status == 2
+    assert "improper" in done.err
+    assert "filter the derivative" in done.err
+
+
+@pytest.mark.parametrize(
+    ("extra", "words"),
+    [
+        ((), "needs --throttle"),
+        (("--throttle", 95), "throttle = 95 deg"),
+        (("--throttle", 25, "--load", 500), "no trim at"),
+    ],
+)
+def test_what_is_refused(revline: Command, c2d: Path, extra: tuple[object, ...], words: str) -> None:
+    done = revline("margins", c2d, *extra)
+    assert done.status in {1, 2}
+    assert words in " ".join(done.err.split())
+    assert done.out == ""
+
+
+def test_a_model_takes_no_trim_and_no_third_file(revline: Command, g1: Path, c1: Path) -> None:
+    assert "leave them out" in revline("margins", g1, c1, "--throttle", 25).err
+    assert "3 files were given" in revline("margins", g1, g1, c1).err
