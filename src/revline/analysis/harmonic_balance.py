@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from revline.analysis.collocation import Collocation, collocation, refine
-from revline.analysis.jacobians import evaluate
-from revline.analysis.linearize import linearize
+from revline.analysis.jacobians import evaluate, find_jacobians
+from revline.analysis.linearize import build_model
 from revline.analysis.orbit_equations import OrbitEquations, Orbits
 from revline.analysis.orbit_newton import Drive, follow_amplitude, linear_orbits, solve_orbits
 from revline.analysis.periodic import Excitation, check_excitation
@@ -183,7 +183,7 @@ def balance_harmonics(
     if omega[0] == 0.0:
         raise out_of_range("frequency", 0.0, "rad/s", "values above 0", "ask for the steady map instead")
     moved, watched = check_excitation(system, trim, excitation)
-    model = linearize(system, trim).model
+    model = build_model(system, find_jacobians(system, trim.states, trim.inputs, trim.channels), trim.lags)
     drive = Drive(trim=trim, position=index_of(system.inputs, moved.name), amplitude=excitation.amplitude, omega=omega)
     case = _Case(system, excitation, drive, model, settings)
     found = _resolve(case)
