@@ -14,7 +14,16 @@ from typing import Annotated, NamedTuple, TextIO
 import typer
 
 from revline import __version__
-from revline.cli import engine_commands, loop_command, margins_command, model_commands, response_command, simulate_command, study_commands
+from revline.cli import (
+    engine_commands,
+    loop_command,
+    margins_command,
+    model_commands,
+    region_command,
+    response_command,
+    simulate_command,
+    study_commands,
+)
 from revline.cli.shell import say
 from revline.errors import RevlineError
 
@@ -68,6 +77,12 @@ COMMANDS = (
         margins_command.margins,
         "Margins of a loop, its delay exact.",
         "revline margins g2d.json controller.json",
+    ),
+    Entry(
+        "region",
+        region_command.region,
+        "Gains that stabilise a loop, its delay exact.",
+        "revline region --throttle 25 --kd 0.1 --out region.json",
     ),
     Entry(
         "loop",

@@ -181,7 +181,9 @@ def show_part(console: "Console", part: Facts | Grid | str) -> None:
     if isinstance(part, str):
         console.print(part, markup=False, highlight=False, soft_wrap=True)
         return
-    table = Table(title=part.title or None, title_justify="left", box=box.SIMPLE, show_header=isinstance(part, Grid), pad_edge=False)
+    if part.title:  # not the table's own title, which a narrow table would break
+        console.print(Text(part.title, style="italic"), soft_wrap=True)
+    table = Table(box=box.SIMPLE, show_header=isinstance(part, Grid), pad_edge=False)
     if isinstance(part, Grid):
         for k, name in enumerate(part.header):
             numbers = any(not isinstance(row[k], str) for row in part.rows)
