@@ -167,7 +167,9 @@ def test_unfit_questions_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         family_of_system(to_state_space(silent, input_name="throttle", output_name="engine_speed"))
     with pytest.raises(InvalidInputError, match="infinitely many roots of model"):
         family_of_model(TransferFunction(numerator=(2.0,), denominator=(1.0, 1.0), delay=0.1), kd=0.9)
-    improper = LoopFamily(name="lead", inverse=lambda w: 0.5 + 0.5j * w, at_rest=0.5, kd=-0.5, base=0.0, unstable=0)
+    improper = LoopFamily(
+        name="lead", inverse=lambda w: np.asarray(0.5 + 0.5j * w, dtype=np.complex128), at_rest=0.5, kd=-0.5, base=0.0, unstable=0
+    )
     with pytest.raises(InvalidInputError, match=r"lead with kd = -0\.5 answers at any frequency"):
         find_gain_region(improper, window)
     monkeypatch.setattr(gain_region, "MOST_POINTS", 10)
