@@ -11,13 +11,14 @@ from revline.analysis.trim import find_trim
 from revline.design.outcome import Diverged, LimitCycle, Settled
 from revline.errors import InvalidInputError, PartialResultError
 from revline.io.value_files import write_value
-from revline.studies import loop_steps, steps, writing
+from revline.studies import loop_steps, made, steps, writing
 from revline.studies.captions import CAPTIONS, SPECTRUM_FIGURES, caption, figure_rows
 from revline.studies.chain import FOLDER
 from revline.studies.checks import check_study
 from revline.studies.config import StudyConfig
 from revline.studies.figures import figure_calls
 from revline.studies.guidelines import find_limits
+from revline.studies.made import describe_making
 from revline.studies.record import study_record
 from revline.studies.results import LoopRow
 from revline.studies.study import compute_study
@@ -157,6 +158,9 @@ def test_an_interrupted_study_says_so_and_goes_on(
     partial = json.loads((tmp_path / "results.json").read_text())
     assert partial["partial"] is True
     assert partial["finished_steps"] == ["operating-point"]
+    page = (tmp_path / "report.html").read_text()
+    assert "This study is not finished. Finished and kept: operating-point." in page
+    assert not (tmp_path / "report.pdf").exists()
 
     def counted(*arguments: object) -> object:
         calls.append("point")
@@ -177,6 +181,8 @@ def test_answers_to_other_questions_do_not_stay(
     (tmp_path / FOLDER).mkdir()
     write_value(tmp_path / FOLDER / writing.QUESTIONS, config)
     write_value(tmp_path / FOLDER / writing.BUNDLE, results)
+    write_value(tmp_path / FOLDER / writing.MADE, describe_making(config, 1.0))
+    (tmp_path / "report.pdf").write_bytes(b"of the old answers")
 
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
@@ -184,5 +190,34 @@ def test_answers_to_other_questions_do_not_stay(
     monkeypatch.setattr(writing, "compute_study", interrupted)
     with pytest.raises(PartialResultError, match="partial"):
         writing.run_study(StudyConfig(throttle_deg=26.0), tmp_path)
+    assert not (tmp_path / "report.pdf").exists()
     with pytest.raises(InvalidInputError, match="holds no finished study"):
+        writing.rebuild_report(tmp_path)
+
+
+def test_a_report_made_again_is_the_same_to_the_byte(
+    config: StudyConfig, results: StudyResults, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The date and the time that it took are those of the results, not of the report."""
+    monkeypatch.setattr(writing, "compute_study", lambda *_: results)
+    study = writing.run_study(config, tmp_path)
+    files = ("report.html", "report.pdf", "results.json", "figures/figure_4.10.png", "figures/figure_4.10.svg", "tables/closed_loops.csv")
+    first = {name: (tmp_path / name).read_bytes() for name in files}
+    assert study.record["seconds"] > 0.0
+    monkeypatch.setattr(made, "dt", None)  # no clock is asked for
+    writing.rebuild_report(tmp_path)
+    assert {name: (tmp_path / name).read_bytes() for name in files} == first
+
+
+@pytest.mark.parametrize("name", [writing.QUESTIONS, writing.BUNDLE, writing.MADE])
+def test_damaged_results_are_refused(config: StudyConfig, results: StudyResults, tmp_path: Path, name: str) -> None:
+    (tmp_path / FOLDER).mkdir()
+    for file, value in ((writing.QUESTIONS, config), (writing.BUNDLE, results), (writing.MADE, describe_making(config, 1.0))):
+        write_value(tmp_path / FOLDER / file, value)
+    path = tmp_path / FOLDER / name
+    path.write_text(path.read_text()[: path.stat().st_size // 2])
+    with pytest.raises(InvalidInputError, match=name):
+        writing.rebuild_report(tmp_path)
+    write_value(path, ("another value",))
+    with pytest.raises(InvalidInputError, match="other values than a study's"):
         writing.rebuild_report(tmp_path)

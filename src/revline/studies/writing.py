@@ -1,9 +1,8 @@
 """Running a study into a folder: numbers, tables, figures, report, results.json. Interrupted, it says so and goes on later."""
 
-import datetime as dt
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +14,13 @@ from revline.report.figure_files import FigureTask, figure_task, write_figures
 from revline.report.html import write_html
 from revline.report.pdf import write_pdf
 from revline.report.tables import write_tables
-from revline.studies.captions import caption, figure_rows
+from revline.studies.captions import caption, figure_rows, figure_title
 from revline.studies.chain import FOLDER, Report, Stopwatch
 from revline.studies.checks import Check, check_study
 from revline.studies.config import StudyConfig
-from revline.studies.content import make_document
+from revline.studies.content import make_document, make_partial_document
 from revline.studies.figures import figure_calls
+from revline.studies.made import Made, describe_making
 from revline.studies.material import Material
 from revline.studies.record import SCHEMA, study_record
 from revline.studies.study import NUMBERS_SHARE, compute_study
@@ -30,6 +30,9 @@ from revline.studies.tables import study_tables
 RESULTS = "results.json"
 QUESTIONS = "questions.json"
 BUNDLE = "study.json"
+MADE = "made.json"
+PAGE = "report.html"
+PAPER = "report.pdf"
 
 FIGURES_SHARE = 0.85
 """Part of a study that is done when its figures are drawn."""
@@ -79,21 +82,26 @@ def run_study(config: StudyConfig, folder: str | Path, report: Report = lambda _
     """
     place, watch = Path(folder), Stopwatch()
     steps = _prepare(place)
-    write_json(place / RESULTS, _partial_record(place, config), "results")
+    _write_partial(place, config)
     try:
-        (steps / BUNDLE).unlink(missing_ok=True)  # answers to other questions may lie there
+        for name in (BUNDLE, MADE):
+            (steps / name).unlink(missing_ok=True)  # answers to other questions may lie there
         write_value(steps / QUESTIONS, config)
         results = compute_study(config, place, report)
         write_value(steps / BUNDLE, results)
-        return _write_all(config, results, place, report, watch)
+        made = describe_making(config, watch.seconds)
+        write_value(steps / MADE, made)
+        _write_all(config, results, made, place, report)
+        timed = replace(made, seconds=watch.seconds)
+        write_value(steps / MADE, timed)
+        return _write_record(config, results, timed, place, report)
     except KeyboardInterrupt as error:
-        record = _partial_record(place, config)
-        write_json(place / RESULTS, record, "results")
+        record = _write_partial(place, config)
         done = ", ".join(record["finished_steps"]) or "nothing"
         message = f"interrupted: {place} is partial (finished: {done}); run the same command again and it goes on from there"
         raise PartialResultError(message) from error
     except RevlineError:
-        write_json(place / RESULTS, _partial_record(place, config), "results")
+        _write_partial(place, config)
         raise
 
 
@@ -103,17 +111,18 @@ def rebuild_report(folder: str | Path, report: Report = lambda _, __: None) -> S
     Raises:
         InvalidInputError: the folder holds no finished study.
     """
-    place, watch = Path(folder), Stopwatch()
+    place = Path(folder)
     steps = place / FOLDER
-    for name in (QUESTIONS, BUNDLE):
+    for name in (QUESTIONS, BUNDLE, MADE):
         if not (steps / name).is_file():
             message = f"{place} holds no finished study: {FOLDER}/{name} is missing; run `revline study --out {place}` first"
             raise InvalidInputError(message, path=str(place))
-    config, results = read_value(steps / QUESTIONS), read_value(steps / BUNDLE)
-    if not isinstance(config, StudyConfig) or not isinstance(results, StudyResults):
+    config, results, made = (read_value(steps / name) for name in (QUESTIONS, BUNDLE, MADE))
+    if not (isinstance(config, StudyConfig) and isinstance(results, StudyResults) and isinstance(made, Made)):
         message = f"{steps} holds other values than a study's; run `revline study --out {place}` again"
         raise InvalidInputError(message, path=str(place))
-    return _write_all(config, results, place, report, watch)
+    _write_all(config, results, made, place, report)
+    return _write_record(config, results, made, place, report)
 
 
 def find_warnings(config: StudyConfig, results: StudyResults) -> Iterator[str]:
@@ -124,6 +133,8 @@ def find_warnings(config: StudyConfig, results: StudyResults) -> Iterator[str]:
         yield f"the operating point is unstable without control ({trim.unstable_count} roots in the right half-plane)"
     yield from (str(left) for left in trim.left_out)
     yield from results.response.notes
+    if not results.models.chosen:
+        yield "no fitted model passes every test (see its verdict); the controllers designed on them may not keep their promise"
     if not config.is_the_thesis:
         yield "engine or operating point are not the thesis's: its numbers are not set beside"
     for row in results.loops.rows:
@@ -160,8 +171,8 @@ def figure_tasks(config: StudyConfig, results: StudyResults) -> tuple[FigureTask
     )
 
 
-def _write_all(config: StudyConfig, results: StudyResults, folder: Path, report: Report, watch: Stopwatch) -> Study:
-    checks, warnings = check_study(config, results), tuple(dict.fromkeys(find_warnings(config, results)))
+def _write_all(config: StudyConfig, results: StudyResults, made: Made, folder: Path, report: Report) -> None:
+    """Write tables, figures and both reports."""
     report("tables", NUMBERS_SHARE)
     write_tables(folder / "tables", study_tables(config, results))
     tasks = figure_tasks(config, results)
@@ -170,19 +181,32 @@ def _write_all(config: StudyConfig, results: StudyResults, folder: Path, report:
     material = Material(
         config=config,
         results=results,
-        checks=checks,
-        warnings=warnings,
+        checks=check_study(config, results),
+        warnings=_all_warnings(config, results),
         figures=folder / "figures",
-        seconds=watch.seconds,
-        made_on=dt.datetime.now(tz=dt.UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        made=made,
     )
     document = make_document(material)
-    write_html(document, folder / "report.html")
+    write_html(document, folder / PAGE)
     report("report on paper", 0.95)
-    write_pdf(document, folder / "report.pdf")
-    record = study_record(config, results, checks, warnings, watch.seconds)
+    write_pdf(document, folder / PAPER)
+
+
+def _all_warnings(config: StudyConfig, results: StudyResults) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(find_warnings(config, results)))
+
+
+def _write_record(config: StudyConfig, results: StudyResults, made: Made, folder: Path, report: Report) -> Study:
+    """Write results.json, last of all: while it says that the study is partial, it is."""
+    checks, warnings = check_study(config, results), _all_warnings(config, results)
+    record = study_record(config, results, checks, warnings, made.seconds)
     record["figures"] = [
-        {"id": row["id"], "title": row["title"], "file": f"figures/figure_{row['id']}.png", "caption": caption(row["id"], results)}
+        {
+            "id": row["id"],
+            "title": figure_title(row["id"], results),
+            "file": f"figures/figure_{row['id']}.png",
+            "caption": caption(row["id"], results),
+        }
         for row in figure_rows()
     ]
     write_json(folder / RESULTS, record, "results")
@@ -209,6 +233,15 @@ def _prepare(folder: Path) -> Path:
         message = f"the folder {folder} cannot be written: {error.strerror}; name one that may be written with --out"
         raise InvalidInputError(message, path=str(folder)) from error
     return steps
+
+
+def _write_partial(folder: Path, config: StudyConfig) -> dict[str, Any]:
+    """Say in results.json and on the page that the study is not finished; a report of other questions does not stay beside."""
+    record = _partial_record(folder, config)
+    write_json(folder / RESULTS, record, "results")
+    write_html(make_partial_document(config, record["finished_steps"]), folder / PAGE)
+    (folder / PAPER).unlink(missing_ok=True)
+    return record
 
 
 def _partial_record(folder: Path, config: StudyConfig) -> dict[str, Any]:
