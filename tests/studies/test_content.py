@@ -33,7 +33,7 @@ def material_of(config: StudyConfig, results: StudyResults, made: Made | None = 
         checks=check_study(config, results),
         warnings=tuple(find_warnings(config, results)),
         figures=Path("figures"),
-        made=made or describe_making(config, 1.0),
+        made=made or describe_making(config, results, 1.0),
     )
 
 
@@ -144,7 +144,7 @@ def test_a_study_whose_models_are_all_rejected_goes_on_and_says_so(config: Study
 
 
 def test_the_report_says_with_what_it_was_made(config: StudyConfig, results: StudyResults) -> None:
-    made = dataclasses.replace(describe_making(config, 12.3), version="0.0.9", on="2001-02-03 04:05 UTC")
+    made = dataclasses.replace(describe_making(config, results, 12.3), version="0.0.9", on="2001-02-03 04:05 UTC")
     lines = dict(content.make_document(material_of(config, results, made)).provenance)
     assert lines["results by"].startswith("revline 0.0.9, code ")
     assert "report by" in lines  # another version's results say whose report this is

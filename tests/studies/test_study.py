@@ -9,7 +9,9 @@ import pytest
 
 from revline.analysis.trim import find_trim
 from revline.design.outcome import Diverged, LimitCycle, Settled
+from revline.engine.catalogue import build_engine
 from revline.errors import InvalidInputError, PartialResultError
+from revline.io.engine_files import format_engine
 from revline.io.value_files import write_value
 from revline.studies import loop_steps, made, steps, writing
 from revline.studies.captions import CAPTIONS, SPECTRUM_FIGURES, caption, figure_rows
@@ -181,7 +183,7 @@ def test_answers_to_other_questions_do_not_stay(
     (tmp_path / FOLDER).mkdir()
     write_value(tmp_path / FOLDER / writing.QUESTIONS, config)
     write_value(tmp_path / FOLDER / writing.BUNDLE, results)
-    write_value(tmp_path / FOLDER / writing.MADE, describe_making(config, 1.0))
+    write_value(tmp_path / FOLDER / writing.MADE, describe_making(config, results, 1.0))
     (tmp_path / "report.pdf").write_bytes(b"of the old answers")
 
     def interrupted(*_: object) -> None:
@@ -212,7 +214,7 @@ def test_a_report_made_again_is_the_same_to_the_byte(
 @pytest.mark.parametrize("name", [writing.QUESTIONS, writing.BUNDLE, writing.MADE])
 def test_damaged_results_are_refused(config: StudyConfig, results: StudyResults, tmp_path: Path, name: str) -> None:
     (tmp_path / FOLDER).mkdir()
-    for file, value in ((writing.QUESTIONS, config), (writing.BUNDLE, results), (writing.MADE, describe_making(config, 1.0))):
+    for file, value in ((writing.QUESTIONS, config), (writing.BUNDLE, results), (writing.MADE, describe_making(config, results, 1.0))):
         write_value(tmp_path / FOLDER / file, value)
     path = tmp_path / FOLDER / name
     path.write_text(path.read_text()[: path.stat().st_size // 2])
@@ -220,4 +222,28 @@ def test_damaged_results_are_refused(config: StudyConfig, results: StudyResults,
         writing.rebuild_report(tmp_path)
     write_value(path, ("another value",))
     with pytest.raises(InvalidInputError, match="other values than a study's"):
+        writing.rebuild_report(tmp_path)
+
+
+def test_results_that_were_changed_are_refused(config: StudyConfig, results: StudyResults, tmp_path: Path) -> None:
+    """A number changed in a file that still reads: the report may not show it as computed."""
+    (tmp_path / FOLDER).mkdir()
+    changed = dataclasses.replace(results, point=dataclasses.replace(results.point, gain=1.001 * results.point.gain))
+    for file, value in ((writing.QUESTIONS, config), (writing.BUNDLE, changed), (writing.MADE, describe_making(config, results, 1.0))):
+        write_value(tmp_path / FOLDER / file, value)
+    with pytest.raises(InvalidInputError, match="results were changed since they were made"):
+        writing.rebuild_report(tmp_path)
+
+
+def test_results_of_an_engine_that_was_changed_are_refused(results: StudyResults, tmp_path: Path) -> None:
+    """The report shows the engine's parameters: they may not be those of a file edited since."""
+    engine = tmp_path / "mine.toml"
+    text = format_engine(build_engine("lee1995"))
+    engine.write_text(text)
+    config = StudyConfig(engine=str(engine))
+    (tmp_path / FOLDER).mkdir()
+    for file, value in ((writing.QUESTIONS, config), (writing.BUNDLE, results), (writing.MADE, describe_making(config, results, 1.0))):
+        write_value(tmp_path / FOLDER / file, value)
+    engine.write_text(text.replace("0.1454", "0.2"))
+    with pytest.raises(InvalidInputError, match="not those that the results were made from"):
         writing.rebuild_report(tmp_path)

@@ -20,7 +20,7 @@ from revline.studies.checks import Check, check_study
 from revline.studies.config import StudyConfig
 from revline.studies.content import make_document, make_partial_document
 from revline.studies.figures import figure_calls
-from revline.studies.made import Made, describe_making
+from revline.studies.made import Made, check_making, describe_making
 from revline.studies.material import Material
 from revline.studies.record import SCHEMA, study_record
 from revline.studies.study import NUMBERS_SHARE, compute_study
@@ -89,7 +89,7 @@ def run_study(config: StudyConfig, folder: str | Path, report: Report = lambda _
         write_value(steps / QUESTIONS, config)
         results = compute_study(config, place, report)
         write_value(steps / BUNDLE, results)
-        made = describe_making(config, watch.seconds)
+        made = describe_making(config, results, watch.seconds)
         write_value(steps / MADE, made)
         _write_all(config, results, made, place, report)
         timed = replace(made, seconds=watch.seconds)
@@ -109,7 +109,7 @@ def rebuild_report(folder: str | Path, report: Report = lambda _, __: None) -> S
     """Make tables, figures, report and results.json again from the results that a study left in a folder.
 
     Raises:
-        InvalidInputError: the folder holds no finished study.
+        InvalidInputError: the folder holds no finished study, or one that was damaged or changed, or whose engine file is another by now.
     """
     place = Path(folder)
     steps = place / FOLDER
@@ -121,6 +121,7 @@ def rebuild_report(folder: str | Path, report: Report = lambda _, __: None) -> S
     if not (isinstance(config, StudyConfig) and isinstance(results, StudyResults) and isinstance(made, Made)):
         message = f"{steps} holds other values than a study's; run `revline study --out {place}` again"
         raise InvalidInputError(message, path=str(place))
+    check_making(config, results, made)
     _write_all(config, results, made, place, report)
     return _write_record(config, results, made, place, report)
 
