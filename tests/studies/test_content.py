@@ -13,7 +13,7 @@ from revline.report.blocks import TableBlock
 from revline.report.document import Document
 from revline.report.inline import plain
 from revline.studies import content, content_models, steps
-from revline.studies.captions import caption, figure_title
+from revline.studies.captions import caption, figure_description, figure_title
 from revline.studies.checks import check_study
 from revline.studies.config import StudyConfig
 from revline.studies.figures import figure_calls
@@ -29,11 +29,12 @@ pytestmark = pytest.mark.slow
 def material_of(config: StudyConfig, results: StudyResults, made: Made | None = None) -> Material:
     return Material(
         config=config,
+        engine=config.load_engine(),
         results=results,
         checks=check_study(config, results),
         warnings=tuple(find_warnings(config, results)),
         figures=Path("figures"),
-        made=made or describe_making(config, results, 1.0),
+        made=made or describe_making(config, config.load_engine(), results, 1.0),
     )
 
 
@@ -103,7 +104,7 @@ def test_the_abstract_follows_the_outcomes(config: StudyConfig, results: StudyRe
 
 def test_the_errors_of_the_line_are_called_what_they_are(config: StudyConfig, results: StudyResults) -> None:
     """At 10 deg the line lies below the speed of 64.467 rad/s: line less speed is negative there."""
-    call = figure_calls(config, results)["4.2b"]
+    call = figure_calls(config, config.load_engine(), results)["4.2b"]
     (curve,) = call.arguments[0]
     line = results.range.line
     assert curve.y[0] == pytest.approx(line.slope * 10.0 + line.intercept - 64.467, abs=1e-3)
@@ -118,6 +119,12 @@ def test_titles_hold_the_study_s_own_numbers(results: StudyResults) -> None:
     other = dataclasses.replace(results, response=dataclasses.replace(results.response, excitation=excitation))
     assert figure_title("6.2", other) == "Speed errors of G1, G2 and G2d after a 3 deg step"
     assert figure_title("6.2", results) == "Speed errors of G1, G2 and G2d after a 5 deg step"
+
+
+def test_descriptions_name_the_axes_and_no_number_of_another_study(results: StudyResults) -> None:
+    """The thesis's list says "5 and 10 deg steps from 25 deg" and "limit cycle", which another study may not have."""
+    assert figure_description("3.7", results) == "Throttle steps: throttle (deg) over time (s)"
+    assert figure_description("5.9", results) == "Engine with C1: speed (rad/s) over time (s)"
 
 
 def test_a_spectrum_s_caption_does_not_call_its_peak_the_highest_line_of_all(results: StudyResults) -> None:
@@ -144,7 +151,7 @@ def test_a_study_whose_models_are_all_rejected_goes_on_and_says_so(config: Study
 
 
 def test_the_report_says_with_what_it_was_made(config: StudyConfig, results: StudyResults) -> None:
-    made = dataclasses.replace(describe_making(config, results, 12.3), version="0.0.9", on="2001-02-03 04:05 UTC")
+    made = dataclasses.replace(describe_making(config, config.load_engine(), results, 12.3), version="0.0.9", on="2001-02-03 04:05 UTC")
     lines = dict(content.make_document(material_of(config, results, made)).provenance)
     assert lines["results by"].startswith("revline 0.0.9, code ")
     assert "report by" in lines  # another version's results say whose report this is

@@ -41,6 +41,12 @@ def figure_title(figure: str, results: StudyResults) -> str:
     return next(row["title"] for row in figure_rows() if row["id"] == figure)
 
 
+def figure_description(figure: str, results: StudyResults) -> str:
+    """What is drawn, for those who cannot see it: the title and the axes; the caption says what is to be seen."""
+    row = next(row for row in figure_rows() if row["id"] == figure)
+    return f"{figure_title(figure, results)}: {row['y']} over {row['x']}"
+
+
 def _model_names(results: StudyResults) -> str:
     return listed([title(name) for name in results.errors.records[0].models])
 

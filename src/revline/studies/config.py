@@ -132,6 +132,11 @@ class StudyConfig:
         """Hand-tuned gains of Lee (1995), section 5.4; their ki is illegible there and free here."""
         return StartingGains(kp=1.2, ki=2.0, kd=0.1, free=("ki",)) if self.is_the_thesis else None
 
+    @property
+    def engine_title(self) -> str:
+        """The engine as a report names it: its built-in name, or its file without the folders of this machine."""
+        return Path(self.engine).name
+
     def load_engine(self) -> DelaySystem:
         """Load the engine that the study is about."""
         return load_engine(self.engine)

@@ -66,14 +66,14 @@ def make_partial_document(config: StudyConfig, finished: Sequence[str]) -> Docum
         title=TITLE,
         subtitle=_subtitle(config),
         partial=f"This study is not finished. {done} Run the same command again and it goes on from there.",
-        provenance=(("made by", f"revline {__version__}"), ("engine", config.engine), ("source", SOURCE)),
+        provenance=(("made by", f"revline {__version__}"), ("engine", config.engine_title), ("source", SOURCE)),
     )
 
 
 def _subtitle(config: StudyConfig) -> str:
     whose = "The study of Lee (1995), recomputed" if config.is_the_thesis else "A study after Lee (1995)"
     load = f", load {config.load_n_m:g} N m" if config.load_n_m else ""
-    return f"{whose}: {config.engine} at {config.throttle_deg:g} ± {config.amplitude_deg:g} deg of throttle{load}"
+    return f"{whose}: {config.engine_title} at {config.throttle_deg:g} ± {config.amplitude_deg:g} deg of throttle{load}"
 
 
 def _provenance(material: Material) -> Iterator[tuple[str, str]]:
@@ -85,7 +85,7 @@ def _provenance(material: Material) -> Iterator[tuple[str, str]]:
     yield "made on", made.on
     yield "questions", f"engine and questions of fingerprint {made.questions[:12]}"
     yield "numbers in", f"{made.seconds_of_numbers:.1f} s of wall time, less where finished steps were at hand"
-    yield "engine", config.engine
+    yield "engine", config.engine_title
     yield "operating point", f"throttle {config.throttle_deg:g} deg, load {config.load_n_m:g} N m"
     yield "sinusoids", f"simulated in steps of {1e3 * stream.step.min():.3g} to {1e3 * stream.step.max():.3g} ms"
     yield "source", SOURCE

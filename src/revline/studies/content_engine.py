@@ -54,7 +54,7 @@ TURNING = "What friction $T_f$ and load leave over turns the engine faster."
 
 def engine_section(material: Material) -> Section:
     """Equations, symbols and parameters of the study's engine."""
-    parameters = lee1995_parameters(material.config.load_engine())
+    parameters = lee1995_parameters(material.engine)
     return Section(title="The engine", anchor="engine", blocks=(*_equations(parameters), *_relations(material), _table(parameters)))
 
 

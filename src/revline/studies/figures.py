@@ -34,6 +34,7 @@ from revline.studies.config import StudyConfig
 from revline.studies.results import ErrorRecord, Floats, LoopRow, TimeRecord, title
 from revline.studies.steps import table_response
 from revline.studies.study_results import StudyResults
+from revline.system import DelaySystem
 
 TIME = Quantity("time", "s")
 THROTTLE = Quantity("throttle angle", "deg")
@@ -59,15 +60,14 @@ def _call(function: Callable[..., Any], *arguments: Any, **options: Any) -> Figu
     return FigureCall(function, arguments, options)
 
 
-def figure_calls(config: StudyConfig, results: StudyResults) -> dict[str, FigureCall]:
+def figure_calls(config: StudyConfig, engine: DelaySystem, results: StudyResults) -> dict[str, FigureCall]:
     """All figures by their number."""
-    engine = lee1995_parameters(config.load_engine())
     return {
-        **_relations(engine, results.point.trim),
+        **_relations(lee1995_parameters(engine), results.point.trim),
         **_steps(results),
         **_steady(results),
         **_spectra(config, results),
-        **_bode(config, results),
+        **_bode(config, engine, results),
         **_linear_loops(results),
         **_engine_loops(results),
         **_errors(results),
@@ -196,21 +196,21 @@ def _model_response(results: StudyResults, name: str) -> FrequencyResponse:
     return results.models.fit(name).fit.model.response(np.geomspace(omega[0], omega[-1], BODE_POINTS))
 
 
-def _exact_response(config: StudyConfig, results: StudyResults) -> FrequencyResponse:
+def _exact_response(engine: DelaySystem, results: StudyResults) -> FrequencyResponse:
     """The exact small-signal response on a grid fine enough for a smooth line."""
     omega = results.response.omega
-    model = linearize(config.load_engine(), results.point.trim).model
+    model = linearize(engine, results.point.trim).model
     return model.response(np.geomspace(omega[0], omega[-1], BODE_POINTS), "throttle", "engine_speed")
 
 
-def _bode(config: StudyConfig, results: StudyResults) -> dict[str, FigureCall]:
-    engine = BodeTrace(results.response.response(ReadingMethod.FOURIER), "engine, fundamental", DATA)
+def _bode(config: StudyConfig, engine: DelaySystem, results: StudyResults) -> dict[str, FigureCall]:
+    data = BodeTrace(results.response.response(ReadingMethod.FOURIER), "engine, fundamental", DATA)
     beside = [BodeTrace(table_response(), "Table 4.1 of Lee (1995)", PUBLISHED)] if config.is_the_thesis else []
-    exact = BodeTrace(_exact_response(config, results), "engine, exact small-signal", MODELS[0])
-    calls = {"4.10": _call(plot_bode, [engine, *beside, exact])}
+    exact = BodeTrace(_exact_response(engine, results), "engine, exact small-signal", MODELS[0])
+    calls = {"4.10": _call(plot_bode, [data, *beside, exact])}
     for number, name in (("4.11", "g1"), ("4.12", "g2"), ("4.14", "g2d")):
         fit = results.models.fit(name).fit
-        calls[f"{number}a"] = _call(plot_bode, [engine, BodeTrace(_model_response(results, name), title(name), MODELS[1])])
+        calls[f"{number}a"] = _call(plot_bode, [data, BodeTrace(_model_response(results, name), title(name), MODELS[1])])
         trace = ErrorTrace(fit.data.omega, fit.magnitude_error_db, fit.phase_error_deg, title(name))
         calls[f"{number}b"] = _call(plot_response_errors, [trace])
     line = results.models.fit("g2d").fit.phase_line

@@ -11,6 +11,7 @@ from revline.errors import InvalidInputError
 from revline.studies.chain import LIBRARIES, code_digest
 from revline.studies.config import StudyConfig
 from revline.studies.study_results import StudyResults
+from revline.system import DelaySystem
 from revline.values import fingerprint
 
 DRAWING = ("matplotlib",)
@@ -42,11 +43,12 @@ class Made:
     seconds: float = 0.0
 
 
-def describe_making(config: StudyConfig, results: StudyResults, seconds: float) -> Made:
+def describe_making(config: StudyConfig, engine: DelaySystem, results: StudyResults, seconds: float) -> Made:
     """Describe results that are made now.
 
     Args:
         config: the questions.
+        engine: the study's.
         results: the answers.
         seconds: wall time until all numbers were there.
     """
@@ -54,29 +56,29 @@ def describe_making(config: StudyConfig, results: StudyResults, seconds: float) 
         on=dt.datetime.now(tz=dt.UTC).strftime("%Y-%m-%d %H:%M UTC"),
         version=__version__,
         code=code_digest(),
-        questions=_questions(config),
+        questions=_questions(config, engine),
         answers=fingerprint(results),
         software=tuple(_software()),
         seconds_of_numbers=seconds,
     )
 
 
-def check_making(config: StudyConfig, results: StudyResults, made: Made) -> None:
+def check_making(config: StudyConfig, engine: DelaySystem, results: StudyResults, made: Made) -> None:
     """See that questions, engine and answers are those that were described.
 
     Raises:
-        InvalidInputError: the answers were changed, or the engine or the questions are others by now.
+        InvalidInputError: the answers were changed, or engine or questions are others by now.
     """
     if fingerprint(results) != made.answers:
         message = "the results were changed since they were made: their fingerprint is another; run the study again"
         raise InvalidInputError(message)
-    if _questions(config) != made.questions:
-        message = f"the engine {config.engine} or the questions are not those that the results were made from; run the study again"
+    if _questions(config, engine) != made.questions:
+        message = "the engine or the questions are not those that the results were made from; run the study again"
         raise InvalidInputError(message)
 
 
-def _questions(config: StudyConfig) -> str:
-    return fingerprint(config, config.load_engine().content_digest)
+def _questions(config: StudyConfig, engine: DelaySystem) -> str:
+    return fingerprint(config, engine.content_digest)
 
 
 def _software() -> Iterator[tuple[str, str]]:

@@ -4,18 +4,20 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from revline.report.blocks import Block, FigureBlock, FigureRow
-from revline.studies.captions import caption, figure_rows
+from revline.studies.captions import caption, figure_description
 from revline.studies.checks import Check
 from revline.studies.config import StudyConfig
 from revline.studies.made import Made
 from revline.studies.study_results import StudyResults
+from revline.system import DelaySystem
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Material:
-    """What the report is made of: questions, results, checks, warnings, the figures' folder, and how the results were made."""
+    """What the report is made of: questions, engine, results, checks, warnings, the figures' folder, how the results were made."""
 
     config: StudyConfig
+    engine: DelaySystem
     results: StudyResults
     checks: tuple[Check, ...]
     warnings: tuple[str, ...]
@@ -25,9 +27,14 @@ class Material:
 
 def figure_block(material: Material, figure: str) -> FigureBlock:
     """One figure with its caption."""
-    content = next(row["content"] or row["title"] for row in figure_rows() if row["id"] == figure)
     path = material.figures / f"figure_{figure}.png"
-    return FigureBlock(id=figure, caption=caption(figure, material.results), shows=content, png=path, svg=path.with_suffix(".svg"))
+    return FigureBlock(
+        id=figure,
+        caption=caption(figure, material.results),
+        shows=figure_description(figure, material.results),
+        png=path,
+        svg=path.with_suffix(".svg"),
+    )
 
 
 def figures(material: Material, *rows: str | tuple[str, ...]) -> tuple[Block, ...]:

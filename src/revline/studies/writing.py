@@ -8,6 +8,7 @@ from typing import Any
 
 from revline import __version__
 from revline.errors import InvalidInputError, PartialResultError, RevlineError
+from revline.io.engine_files import read_engine, write_engine
 from revline.io.json_files import write_json
 from revline.io.value_files import read_value, write_value
 from revline.report.figure_files import FigureTask, figure_task, write_figures
@@ -26,11 +27,13 @@ from revline.studies.record import SCHEMA, study_record
 from revline.studies.study import NUMBERS_SHARE, compute_study
 from revline.studies.study_results import StudyResults
 from revline.studies.tables import study_tables
+from revline.system import DelaySystem
 
 RESULTS = "results.json"
 QUESTIONS = "questions.json"
 BUNDLE = "study.json"
 MADE = "made.json"
+ENGINE = "engine.toml"
 PAGE = "report.html"
 PAPER = "report.pdf"
 
@@ -84,14 +87,16 @@ def run_study(config: StudyConfig, folder: str | Path, report: Report = lambda _
     steps = _prepare(place)
     _write_partial(place, config)
     try:
+        engine = config.load_engine()
         for name in (BUNDLE, MADE):
             (steps / name).unlink(missing_ok=True)  # answers to other questions may lie there
         write_value(steps / QUESTIONS, config)
         results = compute_study(config, place, report)
         write_value(steps / BUNDLE, results)
-        made = describe_making(config, results, watch.seconds)
+        write_engine(engine, steps / ENGINE)
+        made = describe_making(config, engine, results, watch.seconds)
         write_value(steps / MADE, made)
-        _write_all(config, results, made, place, report)
+        _write_all(_material(config, engine, results, made, place), report)
         timed = replace(made, seconds=watch.seconds)
         write_value(steps / MADE, timed)
         return _write_record(config, results, timed, place, report)
@@ -109,11 +114,11 @@ def rebuild_report(folder: str | Path, report: Report = lambda _, __: None) -> S
     """Make tables, figures, report and results.json again from the results that a study left in a folder.
 
     Raises:
-        InvalidInputError: the folder holds no finished study, or one that was damaged or changed, or whose engine file is another by now.
+        InvalidInputError: the folder holds no finished study, or one that was damaged or changed.
     """
     place = Path(folder)
     steps = place / FOLDER
-    for name in (QUESTIONS, BUNDLE, MADE):
+    for name in (QUESTIONS, ENGINE, BUNDLE, MADE):
         if not (steps / name).is_file():
             message = f"{place} holds no finished study: {FOLDER}/{name} is missing; run `revline study --out {place}` first"
             raise InvalidInputError(message, path=str(place))
@@ -121,8 +126,9 @@ def rebuild_report(folder: str | Path, report: Report = lambda _, __: None) -> S
     if not (isinstance(config, StudyConfig) and isinstance(results, StudyResults) and isinstance(made, Made)):
         message = f"{steps} holds other values than a study's; run `revline study --out {place}` again"
         raise InvalidInputError(message, path=str(place))
-    check_making(config, results, made)
-    _write_all(config, results, made, place, report)
+    engine = read_engine(steps / ENGINE)
+    check_making(config, engine, results, made)
+    _write_all(_material(config, engine, results, made, place), report)
     return _write_record(config, results, made, place, report)
 
 
@@ -163,30 +169,35 @@ def _left_out(reason: str) -> str:
     return found.group(1).replace("engine_speed", "speed") if found else reason
 
 
-def figure_tasks(config: StudyConfig, results: StudyResults) -> tuple[FigureTask, ...]:
+def figure_tasks(config: StudyConfig, engine: DelaySystem, results: StudyResults) -> tuple[FigureTask, ...]:
     """All figures still to be drawn, in the order of their numbers."""
-    calls = figure_calls(config, results)
+    calls = figure_calls(config, engine, results)
     numbers = [row["id"] for row in figure_rows() if row["id"] in calls]
     return tuple(
         figure_task(f"figure_{number}", calls[number].function, *calls[number].arguments, **calls[number].options) for number in numbers
     )
 
 
-def _write_all(config: StudyConfig, results: StudyResults, made: Made, folder: Path, report: Report) -> None:
-    """Write tables, figures and both reports."""
-    report("tables", NUMBERS_SHARE)
-    write_tables(folder / "tables", study_tables(config, results))
-    tasks = figure_tasks(config, results)
-    write_figures(tasks, folder / "figures", progress=_figure_progress(report))
-    report("report", FIGURES_SHARE)
-    material = Material(
+def _material(config: StudyConfig, engine: DelaySystem, results: StudyResults, made: Made, folder: Path) -> Material:
+    return Material(
         config=config,
+        engine=engine,
         results=results,
         checks=check_study(config, results),
         warnings=_all_warnings(config, results),
         figures=folder / "figures",
         made=made,
     )
+
+
+def _write_all(material: Material, report: Report) -> None:
+    """Write tables, figures and both reports."""
+    config, results, folder = material.config, material.results, material.figures.parent
+    report("tables", NUMBERS_SHARE)
+    write_tables(folder / "tables", study_tables(config, results))
+    tasks = figure_tasks(config, material.engine, results)
+    write_figures(tasks, material.figures, progress=_figure_progress(report))
+    report("report", FIGURES_SHARE)
     document = make_document(material)
     write_html(document, folder / PAGE)
     report("report on paper", 0.95)
