@@ -121,7 +121,7 @@ def _steps(results: StudyResults) -> dict[str, FigureCall]:
 
     def curves(records: tuple[TimeRecord, ...], pick: Callable[[TimeRecord], Floats]) -> list[Curve]:
         return [
-            Curve(x=r.times, y=pick(r), label=f"step of {size:g} deg", look=MODELS[k])
+            Curve(x=r.times, y=pick(r), label=f"step of {size:g} deg".replace("-", MINUS), look=MODELS[k])
             for k, (size, r) in enumerate(zip(steps.sizes, records, strict=True))
         ]
 
