@@ -286,7 +286,7 @@ def gains_table(material: Material) -> TableBlock:
     """Gains, beside the thesis's where the study is its."""
     gains, printed = material.results.controllers.gains, thesis_controllers() if material.config.is_the_thesis else {}
     columns = [Column(heading="Controller"), Column(heading="Designed on"), Column(heading="Rule")]
-    units = tuple(gains["c1"].gain_units[name] for name in ("kp", "ki", "kd"))
+    units = ("deg/(rad/s)", "deg/rad", "deg s2/rad")
     columns += [_column(heading, unit, "ours") for heading, unit in zip(("kp", "ki", "kd"), units, strict=True)]
     columns += [_column(heading, unit, "Lee (1995)") for heading, unit in zip(("kp", "ki", "kd"), units, strict=True) if printed]
     rows = []
