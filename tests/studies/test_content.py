@@ -21,6 +21,7 @@ from revline.studies.made import Made, describe_making
 from revline.studies.material import Material
 from revline.studies.results import LoopRow
 from revline.studies.study_results import StudyResults
+from revline.studies.tables import study_tables
 from revline.studies.writing import find_warnings
 
 pytestmark = pytest.mark.slow
@@ -70,6 +71,27 @@ def test_another_study_has_no_thesis_s_numbers_beside(results: StudyResults) -> 
         heads = {column.group for column in table.columns} | {plain(column.heading) for column in table.columns}
         assert not any("Lee" in head or "1995" in head or "Table 4.1" in head for head in heads), table.caption
         assert not any("illegible" in plain(cell) or plain(cell) == "print, 1995" for row in table.rows for cell in row)
+
+
+def test_other_questions_at_the_thesis_s_point_have_no_outcomes_of_its_controllers_beside(results: StudyResults) -> None:
+    """Lee's C1 was placed elsewhere and asked for +60 rad/s: beside others it would compare what was never compared."""
+    for other in (StudyConfig(command_rad_s=-30.0), StudyConfig(natural_frequency_rad_s=10.0)):
+        material = material_of(other, results)
+        document = content.make_document(material)
+        tables = tables_of(document)
+        for name in ("Gains", "Tangents to the step responses", "Closed loops"):
+            assert not any("Lee" in column.group or "Lee" in plain(column.heading) for column in tables[name].columns)
+        assert plain(document.subtitle).startswith("A study after Lee (1995)")
+        assert any("not every question is the thesis's" in warning for warning in material.warnings)
+
+
+def test_table_4_1_stands_beside_its_own_frequencies_only(config: StudyConfig, results: StudyResults) -> None:
+    """As many frequencies are not the same frequencies: each line would be compared with another's."""
+    shifted = StudyConfig(frequencies=tuple(1.01 * w for w in config.frequencies))
+    assert not any("Lee" in column.group for column in content_models.response_table(shifted, results).columns)
+    assert any("Lee" in column.group for column in content_models.response_table(config, results).columns)
+    headers = {table.name: [column.header for column in table.columns] for table in study_tables(shifted, results)}
+    assert not any("table_4_1" in header for header in headers["frequency_response"])
 
 
 def test_the_engine_s_section_has_the_parameters_of_its_engine(config: StudyConfig, results: StudyResults) -> None:

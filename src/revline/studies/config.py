@@ -118,6 +118,11 @@ class StudyConfig:
         return (self.engine, self.throttle_deg, self.load_n_m, self.amplitude_deg) == (BUILT_IN, 25.0, 0.0, 5.0)
 
     @property
+    def has_the_frequencies_of_table_4_1(self) -> bool:
+        """Whether the response can be set beside Lee's Table 4.1, line by line."""
+        return self.is_the_thesis and self.frequencies == tuple(row["frequency_rad_s"] for row in read_table_4_1())
+
+    @property
     def asks_what_the_thesis_asked(self) -> bool:
         """Whether every question is that of Lee (1995), so that its numbers can be checked and not only shown."""
         return self == StudyConfig()

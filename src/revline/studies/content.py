@@ -71,7 +71,7 @@ def make_partial_document(config: StudyConfig, finished: Sequence[str]) -> Docum
 
 
 def _subtitle(config: StudyConfig) -> str:
-    whose = "The study of Lee (1995), recomputed" if config.is_the_thesis else "A study after Lee (1995)"
+    whose = "The study of Lee (1995), recomputed" if config.asks_what_the_thesis_asked else "A study after Lee (1995)"
     load = f", load {config.load_n_m:g} N m" if config.load_n_m else ""
     return f"{whose}: {config.engine_title} at {config.throttle_deg:g} ± {config.amplitude_deg:g} deg of throttle{load}"
 

@@ -74,7 +74,7 @@ def _loops_table(material: Material) -> TableBlock:
         Column(heading="period", unit="s", align=Align.RIGHT, group="limit cycle"),
     ]
     rows: list[tuple[Text, ...]] = [_loop_cells(row) for row in material.results.loops.rows]
-    if material.config.is_the_thesis:
+    if material.config.asks_what_the_thesis_asked:
         columns.append(Column(heading="Lee (1995)"))
         rows = [
             (*cells, THESIS_OUTCOMES.get((row.controller, row.plant), ""))

@@ -49,7 +49,7 @@ def _column(heading: str, unit: str = "", group: str = "") -> Column:
 def response_table(config: StudyConfig, results: StudyResults) -> TableBlock:
     """Ours beside Table 4.1, or ours alone."""
     stream, exact = results.response, results.point.exact
-    compared = config.is_the_thesis and len(read_table_4_1()) == len(stream.omega)
+    compared = config.has_the_frequencies_of_table_4_1
     columns = [
         _column("Frequency", "rad/s"),
         _column("Amplitude", "rad/s", "by peaks"),
@@ -284,7 +284,7 @@ def _tuning(name: str, tuning: FineTuning) -> str:
 
 def gains_table(material: Material) -> TableBlock:
     """Gains, beside the thesis's where the study is its."""
-    gains, printed = material.results.controllers.gains, thesis_controllers() if material.config.is_the_thesis else {}
+    gains, printed = material.results.controllers.gains, thesis_controllers() if material.config.asks_what_the_thesis_asked else {}
     columns = [Column(heading="Controller"), Column(heading="Designed on"), Column(heading="Rule")]
     units = ("deg/(rad/s)", "deg/rad", "deg s2/rad")
     columns += [_column(heading, unit, "ours") for heading, unit in zip(("kp", "ki", "kd"), units, strict=True)]
@@ -318,7 +318,7 @@ def thesis_controllers() -> dict[str, Any]:
 
 def tangents_table(material: Material) -> TableBlock:
     """Dead time and rise time, beside those that the thesis read from its plots."""
-    printed = thesis_controllers() if material.config.is_the_thesis else {}
+    printed = thesis_controllers() if material.config.asks_what_the_thesis_asked else {}
     columns = [Column(heading="Model"), _column("L", "s", "ours"), _column("T", "s", "ours")]
     columns += [_column(name, "s", "Lee (1995)") for name in ("L", "T") if printed]
     rows = []

@@ -144,6 +144,8 @@ def find_warnings(config: StudyConfig, results: StudyResults) -> Iterator[str]:
         yield "no fitted model passes every test (see its verdict); the controllers designed on them may not keep their promise"
     if not config.is_the_thesis:
         yield "engine or operating point are not the thesis's: its numbers are not set beside"
+    elif not config.asks_what_the_thesis_asked:
+        yield "not every question is the thesis's: its controllers and how they ended are not set beside"
     for row in results.loops.rows:
         if row.plant == "engine" and row.run.is_stable and row.run.saturated_share > 0.5:
             yield f"{row.controller} holds the throttle at a limit for {100 * row.run.saturated_share:.0f} % of its run"
