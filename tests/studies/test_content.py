@@ -17,6 +17,7 @@ from revline.studies.captions import caption, figure_description, figure_title
 from revline.studies.checks import check_study
 from revline.studies.config import StudyConfig
 from revline.studies.figures import figure_calls
+from revline.studies.guidelines import write_guidelines
 from revline.studies.made import Made, describe_making
 from revline.studies.material import Material
 from revline.studies.results import LoopRow
@@ -122,6 +123,26 @@ def test_the_abstract_follows_the_outcomes(config: StudyConfig, results: StudyRe
     told = words_of(content.make_document(material_of(config, dataclasses.replace(results, loops=loops))))
     assert "C2, which settles on a model without delay, does not on the engine: C2 hunts" in told
     assert "does not tell beforehand" in told
+
+
+def test_guidelines_follow_the_outcomes(config: StudyConfig, results: StudyResults) -> None:
+    """A loop that hunts has no overshoot to compare, and a reduced gain that overshoots less does not swing slowly."""
+    told = write_guidelines(config.load_engine(), results)
+    assert any("the overshoot differs by 0.2 percentage points" in line for line in told)
+    assert any(line.startswith("Too little proportional gain swings slowly") for line in told)
+    hunting, calm = (results.loops.row(name, "engine").run for name in ("c1", "c2d"))
+
+    def other(row: LoopRow) -> LoopRow:
+        if row.plant != "engine":
+            return row
+        return {"c2d": row._replace(run=hunting), "c2d_reduced": row._replace(run=calm)}.get(row.controller, row)
+
+    loops = dataclasses.replace(results.loops, rows=tuple(other(row) for row in results.loops.rows))
+    told = write_guidelines(config.load_engine(), dataclasses.replace(results, loops=loops))
+    assert not any("percentage points" in line for line in told)
+    loops = dataclasses.replace(loops, rows=tuple(row if row.controller != "c2d" else row._replace(run=calm) for row in loops.rows))
+    told = write_guidelines(config.load_engine(), dataclasses.replace(results, loops=loops))
+    assert any(line.startswith("With a tenth of C2d's proportional gain") for line in told)
 
 
 def test_the_errors_of_the_line_are_called_what_they_are(config: StudyConfig, results: StudyResults) -> None:

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from revline.design.outcome import Diverged, LimitCycle, Outcome, Settled, Stalled
@@ -113,6 +114,7 @@ def plot_loop(trace: LoopTrace, output: Quantity, control: Quantity, *, until: S
         _draw_pair(grid[0, 1], grid[1, 1], trace, window, (output, control))
         _draw_bounds(grid[0, 1], trace, cycle, window, output)
         grid[1, 1].set_xlabel(TIME.label)
+        grid[1, 1].xaxis.set_major_locator(MaxNLocator(3))
         if window[0] < end:
             for axes in grid[:, 0]:
                 axes.axvspan(window[0], min(window[1], end), color=PALE, alpha=0.6, linewidth=0.0, zorder=0.5, label="enlarged at right")

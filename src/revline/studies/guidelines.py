@@ -83,11 +83,13 @@ def _sentences(engine: DelaySystem, results: StudyResults) -> Iterator[str]:
 
 
 def _of_c2d(model: LoopRun, engine: LoopRun, delay: float) -> str:
-    gap = 100.0 * abs(engine.overshoot - model.overshoot)
-    return (
+    text = (
         f"C2d, designed on G2d with its delay of {1e3 * delay:.1f} ms, {describe_outcome(model)} there; on the engine, without retuning, "
-        f"it {describe_outcome(engine)}: the overshoot differs by {gap:.1f} percentage points."
+        f"it {describe_outcome(engine)}"
     )
+    if not (model.is_stable and engine.is_stable):
+        return f"{text}."
+    return f"{text}: the overshoot differs by {100.0 * abs(engine.overshoot - model.overshoot):.1f} percentage points."
 
 
 def _of_reduced(model: LoopRun, engine: LoopRun, whole: LoopRun) -> str:

@@ -31,7 +31,7 @@ PAIRS = (
 )
 """Which controller is run on which plants."""
 
-HORIZONS = ((8.0, 1e-3), (25.0, 1e-3), (80.0, 1e-3))
+HORIZONS = ((8.0, 1e-3), (25.0, 1e-3), (80.0, 1e-3), (60.0, 2.5e-4))
 """How long, and in which steps, a loop is run until it can be told how it ends, in s."""
 
 ERROR_SINES = (10.0, 30.0)
