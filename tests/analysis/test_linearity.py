@@ -35,7 +35,7 @@ def test_distortion_bounds_the_range(stream: Sinestream) -> None:
     assert [point.omega for point in verdict.failures] == [0.1, 2.0]
     assert verdict.text == (
         "is not linear at 2 of 4 frequencies from 0.1 to 30 rad/s: distortion is 12 % at most, at 0.1 rad/s (limit 5 %); "
-        "another line than the input's is highest at 0; it is linear from 8 to 30 rad/s"
+        "another line than the input's is highest at none of them; it is linear from 8 to 30 rad/s"
     )
 
 

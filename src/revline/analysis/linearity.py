@@ -100,7 +100,7 @@ class LinearityVerdict:
         inside = " and ".join(f"{low:g} to {high:g} rad/s" for low, high in self.ranges) or "nowhere"
         return (
             f"is not linear at {len(self.failures)} of {len(self.points)} frequencies from {span}: {worst} ({limit}); "
-            f"another line than the input's is highest at {lost}; it is linear {'from ' if self.ranges else ''}{inside}"
+            f"another line than the input's is highest at {lost or 'none'} of them; it is linear {'from ' if self.ranges else ''}{inside}"
         )
 
     @property
