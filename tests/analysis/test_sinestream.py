@@ -53,7 +53,7 @@ def test_the_response_is_the_reading(straight: Sinestream) -> None:
         assert np.array_equal(response.values, reading.values)
         assert response.method == f"sinestream, {method.value}"
         assert (response.input_name, response.input_unit, response.output_name, response.output_unit) == ("force", "N", "straight", "m")
-        assert response.phase_deg == pytest.approx(reading.phase_deg, abs=1e-6)
+        assert response.phase_deg == pytest.approx(reading.phase_deg, abs=1e-9)
         assert np.angle(response.values) == pytest.approx(np.angle(np.exp(1j * np.radians(reading.phase_deg))))
 
 

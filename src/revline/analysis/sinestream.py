@@ -15,7 +15,7 @@ from revline.analysis.phase_turns import SineReading, read_turns
 from revline.analysis.threads import Progress, run_all
 from revline.analysis.trim import Trim
 from revline.errors import AnalysisError, LagError, NotConvergedError
-from revline.lti.response import FrequencyResponse, check_frequencies
+from revline.lti.response import FrequencyResponse, check_frequencies, count_turns
 from revline.system import DelaySystem, Floats, Variable
 from revline.values import make_read_only
 
@@ -115,7 +115,7 @@ class Sinestream:
             output_name=self.watched.name,
             output_unit=self.watched.unit,
             method=f"sinestream, {method.value}",
-            known_delay=reading.known_delay,
+            turns=count_turns(reading.values, reading.phase_deg),
         )
 
 

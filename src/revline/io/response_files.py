@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +11,15 @@ from revline.errors import InvalidInputError, out_of_range
 from revline.io.atomic import write_atomically
 from revline.io.csv_table import CsvTable, read_csv_table
 from revline.io.csv_text import format_csv
-from revline.lti.response import Complexes, Floats, FrequencyResponse
+from revline.lti.response import Complexes, Floats, FrequencyResponse, count_turns
 from revline.units import DEGREE
 from revline.values import make_read_only
 
 DEFAULT_AMPLITUDE = 5.0
 """Input amplitude in deg of a file that gives output amplitudes and does not say of which input; that of Lee (1995), Table 4.1."""
+
+_TURNS = ("phase_turns", "counted")
+"""The comment of a file whose phases have all their turns, told by more than the values themselves."""
 
 _AGREEMENT = 1e-9
 _TINY = 1e-300
@@ -110,6 +113,8 @@ def read_response(path: str | Path, *, columns: Mapping[str, str] | None = None,
     if rectangular:
         values = _read_rectangular(table, values, phases)
     response = _make_response(table, omega, values, is_amplitude=size_quantity.is_amplitude)
+    if table.metadata.get(_TURNS[0]) == _TURNS[1]:
+        response = replace(response, turns=count_turns(values, phases / DEGREE))
     return ResponseFile(
         response=response,
         input_amplitude=used,
@@ -206,6 +211,7 @@ def _metadata(response: FrequencyResponse, amplitude: float) -> tuple[tuple[str,
         ("output_unit", response.output_unit),
         ("method", response.method),
         ("known_delay_s", repr(float(response.known_delay))),
+        *((_TURNS,) if response.turns.size else ()),
     )
 
 
