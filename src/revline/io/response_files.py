@@ -21,6 +21,9 @@ DEFAULT_AMPLITUDE = 5.0
 _TURNS = ("phase_turns", "counted")
 """The comment of a file whose phases have all their turns, told by more than the values themselves."""
 
+PARTIAL = "partial"
+"""The comment of a file that holds only a part of the response asked for: what is missing, and why."""
+
 _AGREEMENT = 1e-9
 _TINY = 1e-300
 
@@ -120,7 +123,7 @@ def read_response(path: str | Path, *, columns: Mapping[str, str] | None = None,
         input_amplitude=used,
         distortion=table.numbers("distortion") if "distortion" in table.header else np.zeros(0),
         metadata=table.metadata,
-        notes=(*notes, *_turn_notes(response, phases)),
+        notes=(*notes, *_turn_notes(response, phases), *_partial_notes(table)),
     )
 
 
@@ -139,7 +142,7 @@ def write_response(path: str | Path, response: FrequencyResponse, *, amplitude: 
     write_atomically(path, format_response(response, amplitude=amplitude, distortion=distortion), "frequency response")
 
 
-def format_response(response: FrequencyResponse, *, amplitude: float, distortion: Floats | None = None) -> str:
+def format_response(response: FrequencyResponse, *, amplitude: float, distortion: Floats | None = None, partial: str = "") -> str:
     """Format a frequency response as CSV, so that `read_response` gives it back to the last bit.
 
     Columns: frequency_rad_s, amplitude_rad_s (magnitude where the output is no speed in rad/s), phase_deg, distortion where given, and
@@ -149,6 +152,7 @@ def format_response(response: FrequencyResponse, *, amplitude: float, distortion
         response: what to write.
         amplitude: of the input, in its unit; amplitudes are the magnitude times this.
         distortion: one per frequency, where the method has it.
+        partial: what is missing and why, where the response is not whole.
 
     Raises:
         InvalidInputError: the amplitude is not positive, the lengths differ, there is a frequency of 0, a magnitude is beyond the range
@@ -161,7 +165,8 @@ def format_response(response: FrequencyResponse, *, amplitude: float, distortion
             raise InvalidInputError(message)
     entries = _columns(response, amplitude, distortion)
     entries += [("gain_real", response.values.real), ("gain_imag", response.values.imag)]
-    return format_csv(entries, notes=dict(notes))
+    remarks = {PARTIAL: partial} if partial else {}
+    return format_csv(entries, notes={**dict(notes), **remarks})
 
 
 def response_rows(response: FrequencyResponse, *, amplitude: float, distortion: Floats | None = None) -> list[dict[str, float]]:
@@ -309,6 +314,10 @@ def _make_response(table: CsvTable, omega: Floats, values: Complexes, *, is_ampl
         method=says.get("method", f"file {table.path.name}"),
         known_delay=_metadata_number(table, "known_delay_s") if "known_delay_s" in says else 0.0,
     )
+
+
+def _partial_notes(table: CsvTable) -> tuple[str, ...]:
+    return (f"{table.path} is partial: {table.metadata[PARTIAL]}",) if PARTIAL in table.metadata else ()
 
 
 def _turn_notes(response: FrequencyResponse, phases: Floats) -> tuple[str, ...]:
