@@ -207,7 +207,7 @@ def _outside(equations: SteadyEquations, unknowns: Floats) -> LeftOut | tuple[()
     system = equations.system
     x, u = equations.split(unknowns)
     for variable, value in zip(system.states, x, strict=True):
-        slack = 1e-9 * search_scale(variable)
+        slack = 1e-12 * search_scale(variable)
         if not variable.search_low - slack <= value <= variable.search_high + slack:
             lags = evaluate(system, system.lags, x, u, equations.channels(unknowns))
             return LeftOut(
