@@ -50,6 +50,18 @@ def test_trim_by_speed_finds_the_throttle_under_a_load(revline: Command) -> None
     assert by_speed["load_n_m"] == 10.0
 
 
+def test_a_trim_beyond_saturation_says_that_the_throttle_does_nothing(revline: Command) -> None:
+    done = revline("trim", "--throttle", 80, "--json")
+    record = json.loads(done.out)
+    assert record["gain_rad_s_per_deg"] == 0.0
+    assert record["warnings"][0] == "rate of manifold_pressure does not answer to throttle here: a limit is active"
+    assert f"warning: {record['warnings'][0]}" in done.err
+
+
+def test_a_speed_out_of_reach_names_the_nearest(revline: Command) -> None:
+    assert "the nearest steady state met has engine_speed = 825.947 rad/s" in revline("trim", "--speed", 850).err
+
+
 def test_an_unstable_trim_is_named(revline: Command) -> None:
     done = revline("trim", "--throttle", 5, "--json")
     record = json.loads(done.out)

@@ -58,8 +58,9 @@ def trim(
     else:
         message = "give either --throttle or --speed: one is known, the other is found"
         raise InvalidInputError(message)
-    model = linearize_system(plant, point).model
-    shell.warn(*trim_warnings(point))
+    linear = linearize_system(plant, point)
+    model, remarks = linear.model, [*trim_warnings(point), *(str(kink) for kink in linear.kinks)]
+    shell.warn(*remarks)
     found = point.output("engine_speed")
     rows: list[tuple[str, float | str, str]] = [
         ("throttle", point.input("throttle"), "deg"),
@@ -71,7 +72,7 @@ def trim(
         ("stable", "yes" if point.stable else f"no, {point.unstable_count} unstable roots", ""),
         ("residual", point.residual, "1/s"),
     ]
-    shell.show(trim_record(point, model), Facts(f"Trim of {point.system}", rows))
+    shell.show({**trim_record(point, model), "warnings": remarks}, Facts(f"Trim of {point.system}", rows))
 
 
 def linearize(
@@ -105,7 +106,7 @@ def linearize(
     rows: list[tuple[str, float | str, str]] = [
         ("states", ", ".join(f"{s.name} [{s.unit}]" for s in model.states), ""),
         ("inputs", ", ".join(f"{s.name} [{s.unit}]" for s in model.inputs), ""),
-        *((f"lag of {c.name}", float(lag), "s") for c, lag in zip(model.channels, model.lags, strict=True)),
+        *((f"lag of {c.name.replace('_', ' ')}", float(lag), "s") for c, lag in zip(model.channels, model.lags, strict=True)),
         ("gain at rest", model.static_gain("throttle", "engine_speed"), "rad/s per deg"),
         ("right-most root", show_roots(point.roots.roots[:1]), "rad/s"),
         ("stable", "yes" if point.stable else f"no, {point.unstable_count} unstable roots", ""),
