@@ -14,26 +14,28 @@ if TYPE_CHECKING:
 
 MOST_POINTS = 100_001
 
+LineOption = Annotated[
+    str | None, typer.Option("--line", metavar="LOW,HIGH", help="Lay a straight line through the speeds of this range [deg].")
+]
+WithinOption = Annotated[
+    str | None,
+    typer.Option(
+        "--linear-within",
+        metavar="TOL",
+        help="Choose the widest range in which a straight line holds: within a part of the speed's change (1%) or within rad/s (3).",
+    ),
+]
+AroundOption = Annotated[float, typer.Option("--around", metavar="DEG", help="Centre of the range that --linear-within chooses [deg].")]
+
 
 def steady_map(
     *,
     low: Annotated[float, typer.Option("--from", metavar="DEG", help="Lowest throttle angle [deg].")] = 0.0,
     high: Annotated[float, typer.Option("--to", metavar="DEG", help="Highest throttle angle [deg].")] = 90.0,
     points: Annotated[int, typer.Option("--points", min=2, max=MOST_POINTS, help="How many angles, evenly spaced.")] = 91,
-    line: Annotated[
-        str | None, typer.Option("--line", metavar="LOW,HIGH", help="Lay a straight line through the speeds of this range [deg].")
-    ] = None,
-    linear_within: Annotated[
-        str | None,
-        typer.Option(
-            "--linear-within",
-            metavar="TOL",
-            help="Choose the widest range in which a straight line holds: within a part of the speed's change (1%) or within rad/s (3).",
-        ),
-    ] = None,
-    around: Annotated[
-        float, typer.Option("--around", metavar="DEG", help="Centre of the range that --linear-within chooses [deg].")
-    ] = 25.0,
+    line: LineOption = None,
+    linear_within: WithinOption = None,
+    around: AroundOption = 25.0,
     load: LoadOption = 0.0,
     engine: EngineOption = DEFAULT_ENGINE,
     out: OutOption = None,
