@@ -14,7 +14,16 @@ from typing import Annotated, NamedTuple, TextIO
 import typer
 
 from revline import __version__
-from revline.cli import engine_commands, loop_command, map_command, model_commands, response_command, simulate_command, study_commands
+from revline.cli import (
+    engine_commands,
+    loop_command,
+    map_command,
+    model_commands,
+    response_command,
+    simulate_command,
+    spectra_command,
+    study_commands,
+)
 from revline.cli.shell import say
 from revline.errors import RevlineError
 
@@ -50,6 +59,12 @@ COMMANDS = (
         response_command.response,
         "Frequency response from throttle to speed.",
         "revline response --throttle 25 --amplitude 5 --frequencies 0.1,1,5,10,20,50,100 --method peaks --out response.csv",
+    ),
+    Entry(
+        "spectra",
+        spectra_command.spectra,
+        "Whether the speed follows the throttle's frequency.",
+        "revline spectra --throttle 25 --amplitude 5 --frequencies 0.5,5,20,50 --out spectra.csv",
     ),
     Entry(
         "fit",
