@@ -19,9 +19,6 @@ PATIENCE = 0.1
 Progress = Callable[[float], None]
 """Told from time to time which part of the runs is done, 0 to 1."""
 
-Task = Callable[[T, Progress], R]
-"""A run for one item. It tells the second argument from time to time how far it is, which ends it where it is no longer wanted."""
-
 
 @dataclass(frozen=True, slots=True)
 class Failure:
@@ -34,11 +31,14 @@ class Failure:
     error: AnalysisError | KeyboardInterrupt
 
 
-def run_all(task: Task[T, R], items: Sequence[T], cost: Callable[[T], float], *, workers: int, progress: Progress | None = None) -> list[R]:
+def run_all(
+    task: Callable[[T, Progress], R], items: Sequence[T], cost: Callable[[T], float], *, workers: int, progress: Progress | None = None
+) -> list[R]:
     """Run a task for each item, the dearest first, and give the outcomes in the order of the items.
 
     Args:
-        task: what to run; independent of the other items.
+        task: what to run; independent of the other items. It tells its second argument from time to time how far it is, which ends it where
+            it is no longer wanted.
         items: what to run it for.
         cost: how long an item is expected to take, in any unit.
         workers: threads.
@@ -60,12 +60,13 @@ def run_all(task: Task[T, R], items: Sequence[T], cost: Callable[[T], float], *,
 
 
 def run_each(
-    task: Task[T, R], items: Sequence[T], cost: Callable[[T], float], *, workers: int, progress: Progress | None = None
+    task: Callable[[T, Progress], R], items: Sequence[T], cost: Callable[[T], float], *, workers: int, progress: Progress | None = None
 ) -> list[R | Failure]:
     """Run a task for each item as `run_all` does, and keep what is finished where others fail or the whole is interrupted.
 
     Args:
-        task: what to run; independent of the other items.
+        task: what to run; independent of the other items. It tells its second argument from time to time how far it is, which ends it where
+            it is no longer wanted.
         items: what to run it for.
         cost: how long an item is expected to take, in any unit.
         workers: threads.
@@ -94,7 +95,7 @@ def run_each(
 
 
 def _run(
-    task: Task[T, R],
+    task: Callable[[T, Progress], R],
     items: Sequence[T],
     cost: Callable[[T], float],
     workers: int,
