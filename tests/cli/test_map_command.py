@@ -86,7 +86,7 @@ def test_the_json_has_what_the_file_has(revline: Command) -> None:
         (("--linear-within", "0%"), 2, "tolerance = 0 of the span is outside 0 to infinity"),
         (("--linear-within", "1%", "--around", 3), 2, "centre = 3 deg is outside"),
         (("--linear-within", "1e-9%"), 1, "no range around throttle = 25 deg that holds 3 values of the map is linear within"),
-        (("--from", 41, "-q"), 2, "--from 41 is not below --to 40; give the lower angle first"),
+        (("--from", 41, "-q"), 2, "--from 41 is not below --to 40: the angles must rise; give the lower one first"),
     ],
 )
 def test_what_map_refuses(arguments: tuple[object, ...], status: int, message: str, revline: Command) -> None:

@@ -56,7 +56,7 @@ def steady_map(
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "map")
     if not low < high:
-        message = f"--from {low:g} is not below --to {high:g}; give the lower angle first"
+        message = f"--from {low:g} is not below --to {high:g}: the angles must rise; give the lower one first"
         raise InvalidInputError(message, low=low, high=high)
     with shell.busy("steady states"):
         found = find_steady_map(
