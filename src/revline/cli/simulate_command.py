@@ -157,7 +157,8 @@ def _write(shell: Shell, out: Path, found: _Found, origin: "RunOrigin", *, parti
     if partial:
         notes["partial"] = partial
     drop_run_state(out)  # an older run's, which must not be taken for this one's
-    shell.write(out, format_run(found.run, origin, notes), "run")
+    with shell.busy(f"writing {out}"):
+        shell.write(out, format_run(found.run, origin, notes), "run")
     write_run_state(out, found.run, origin)
 
 
