@@ -64,6 +64,14 @@ class DivergedError(SimulationError):
     """A state grew beyond all bounds or stopped being a number."""
 
 
+class StoppedError(SimulationError):
+    """A simulation was stopped from outside; `run` is the trajectory until then, from which it can go on."""
+
+    def __init__(self, message: str, *, run: object, **details: Detail) -> None:
+        super().__init__(message, **details)
+        self.run = run
+
+
 class NotSettledError(AnalysisError):
     """A periodic or a steady response was not reached within the allowed time."""
 

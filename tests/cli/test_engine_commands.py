@@ -155,3 +155,21 @@ def test_a_linear_model_at_a_limit_warns(revline: Command) -> None:
     assert done.status == 0
     assert "warning: " in done.err
     assert "throttle" in done.err
+
+
+def test_a_printed_vector_reads_back_as_the_engine(revline: Command, tmp_path: Path) -> None:
+    path = tmp_path / "mine.vec"
+    path.write_text(revline("engines", "lee1995", "--vector").out)
+    assert revline("engines", path).out.replace('name = "mine"', 'name = "lee1995"') == revline("engines", "lee1995").out
+    numbers = json.loads(revline("engines", path, "--vector", "--json").out)["vector"]
+    assert (len(numbers), numbers[7], numbers[12], numbers[23]) == (24, -3.1e4, 0.0, 0.1454)
+
+
+def test_a_vector_says_what_it_cannot_hold(revline: Command, tmp_path: Path) -> None:
+    path = tmp_path / "high.toml"
+    path.write_text(revline("engines", "lee1995").out.replace("ambient_pressure = 100.0", "ambient_pressure = 95.0"))
+    done = revline("engines", path, "--vector")
+    assert done.status == 0
+    assert "warning: throttle.ambient_pressure = 95.0 kPa is not in the vector: reading it back gives 100.0 kPa" in done.err
+    assert "cannot hold the generic efficiency" in revline("engines", "lee1995-generic", "--vector").err
+    assert revline("engines", "--vector").status == 2

@@ -200,3 +200,17 @@ def test_run_leaves_the_process_alone() -> None:
     before = warnings.showwarning
     assert run(["--version"]) == 0
     assert warnings.showwarning is before
+
+
+@pytest.mark.filterwarnings("always::RuntimeWarning")
+@pytest.mark.parametrize(("words", "count"), [((), 1), (("--quiet",), 0), (("-q",), 0)])
+def test_quiet_leaves_out_the_libraries_warnings_too(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], count: int
+) -> None:
+    def engine_names() -> tuple[str, ...]:
+        warnings.warn("no folder can be written", RuntimeWarning, stacklevel=1)
+        return ("lee1995",)
+
+    monkeypatch.setattr("revline.io.engine_files.engine_names", engine_names)
+    assert run(["engines", "lee1995", *words]) == 0
+    assert capsys.readouterr().err.count("warning: no folder can be written (RuntimeWarning)") == count

@@ -31,6 +31,9 @@ FAILED = 1
 INTERRUPTED = 130
 """What the argument parser makes of an interruption."""
 
+QUIET = frozenset({"--quiet", "-q"})
+"""Either leaves out the warnings that Python's libraries give, as it does those of the commands."""
+
 
 class Entry(NamedTuple):
     """A command: its name, its function, a line for the list of commands, and a worked example for its own help."""
@@ -140,6 +143,8 @@ def run(arguments: Sequence[str]) -> int:
     """
     with warnings.catch_warnings():
         warnings.showwarning = _show_warning
+        if QUIET.intersection(arguments):
+            warnings.simplefilter("ignore")
         try:
             status = _run_app(arguments)
             sys.stdout.flush()

@@ -12,6 +12,9 @@ from revline.errors import InvalidInputError
 def engines(
     *,
     name: Annotated[str | None, typer.Argument(metavar="[NAME|FILE]", help="Engine whose parameters to print.", show_default=False)] = None,
+    vector: Annotated[
+        bool, typer.Option("--vector", help="Print the vector of 24 numbers instead (a file ending in .txt, .vec or .dat).")
+    ] = False,
     json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -25,12 +28,27 @@ def engines(
     from revline.io.engine_files import format_engine, load_engine
 
     shell = Shell(json=json, quiet=quiet)
+    if vector:
+        _show_vector(shell, name)
+        return
     if name is None:
         record: dict[str, object] = {"engines": [{"name": entry.name, "description": entry.description} for entry in ENGINES]}
         shell.show(record, Grid("", ("engine", "what it is"), [(entry.name, entry.description) for entry in ENGINES]))
         return
     text = format_engine(load_engine(name))
     shell.show(tomllib.loads(text), text.rstrip("\n"))
+
+
+def _show_vector(shell: Shell, name: str | None) -> None:
+    from revline.io.engine_files import load_engine
+    from revline.io.engine_vectors import format_engine_vector
+
+    if name is None:
+        message = "--vector prints one engine's numbers; name the engine, for example `revline engines lee1995 --vector`"
+        raise InvalidInputError(message)
+    found = format_engine_vector(load_engine(name))
+    shell.warn(*found.notes)
+    shell.show({"vector": list(found.numbers), "notes": list(found.notes)}, found.text.rstrip("\n"))
 
 
 def trim(
