@@ -177,3 +177,34 @@ def test_the_fewest_poles_win_among_accepted_models() -> None:
 def test_a_verdict_cannot_contradict_itself() -> None:
     with pytest.raises(InvalidInputError, match="accepted = True contradicts its 1 objections"):
         Verdict(accepted=True, objections=("late",), text="", numbers={})
+
+
+def test_a_zero_at_the_origin_is_not_taken_for_one_in_the_right_half_plane() -> None:
+    """3 s/(1 + s)^2: the fit's zero lies at +- 1e-11 rad/s by rounding, and no delay of 1e11 s says the same."""
+    verdict = judge_model(fit_of(TransferFunction(numerator=(0.0, 3.0), denominator=(1.0, 2.0, 1.0))))
+    assert verdict.accepted
+
+
+def test_a_pole_that_a_zero_cancels_is_named() -> None:
+    """Table 4.1 has no fourth pole to show: with three zeros and four poles one pair cancels, in the right half plane."""
+    verdict = judge_model(fit_transfer_function(read_response(TABLE).response, zeros=3, poles=4))
+    assert any("the pole at s = 1.13 1/s is nearly cancelled by a zero" in reason for reason in verdict.objections)
+    assert any(
+        "the zero at s = 1.139 1/s lies in the right half plane and limits any controller" in reason for reason in verdict.objections
+    )
+    assert "would say the same" not in verdict.text
+
+
+def test_a_pole_far_beyond_the_data_is_named() -> None:
+    response = TransferFunction(numerator=(2.0,), denominator=(1.0, 0.5, 5e-6)).response(np.geomspace(0.05, 60.0, 30))
+    verdict = judge_model(fit_transfer_function(response, zeros=0, poles=2))
+    assert "lies far beyond the data, which end at 60 rad/s; fit fewer poles" in verdict.text
+
+
+def test_neighbouring_poles_and_zeros_further_apart_are_left_alone() -> None:
+    """Controls: 10 % between pole and zero, and a pole 50 times the highest frequency, draw no objection to either."""
+    apart = judge_model(fit_of(TransferFunction(numerator=(2.0, 2.0 / 3.3), denominator=(1.0, 1.0 / 3.0))))
+    assert apart.accepted
+    assert "poles at most" not in apart.text
+    fast = judge_model(fit_of(TransferFunction(numerator=(2.0,), denominator=(1.0, 1.0 / 3000.0))))
+    assert "far beyond" not in fast.text
