@@ -115,7 +115,8 @@ def judge_model(fit: ModelFit, *, dominance_ratio: float = 9.0, magnitude_limit_
 
     Args:
         fit: the model with its data.
-        dominance_ratio: a pole at least so many times as fast as the slowest one counts as needless; "about ten times" in the source.
+        dominance_ratio: in a model without delay, a pole at least so many times as fast as the slowest one counts as a stand-in for
+            a delay; "about ten times" in the source. A model with its delay has no use for stand-ins, and its fast poles are the plant's.
         magnitude_limit_db: largest magnitude error.
         phase_limit_deg: largest phase error.
 
@@ -141,7 +142,7 @@ def judge_model(fit: ModelFit, *, dominance_ratio: float = 9.0, magnitude_limit_
     objections = (
         *_half_plane_objections(fit),
         *_needless_objections(fit),
-        *_pole_objections(ratios, dominance_ratio),
+        *(_pole_objections(ratios, dominance_ratio) if fit.model.delay == 0.0 else ()),
         *_error_objections(fit, magnitude_limit_db, phase_limit_deg, usable),
     )
     numbers = {
@@ -245,7 +246,8 @@ def _usable_frequency(fit: ModelFit, magnitude_limit: float, phase_limit: float)
 
 def _praise(fit: ModelFit, fastest: float, dominance_ratio: float) -> str:
     delay = f", with a delay of {fit.model.delay:.4f} s" if fit.model.delay > 0.0 else ""
-    poles = f" poles at most {fastest:.1f} times as fast as the slowest one (limit {dominance_ratio:g})," if fit.model.order > 1 else ""
+    limit = f" (limit {dominance_ratio:g})" if fit.model.delay == 0.0 or fastest < dominance_ratio else ""
+    poles = f" poles at most {fastest:.1f} times as fast as the slowest one{limit}," if fit.model.order > 1 else ""
     return (
         f"accepted{delay}: stable, no zero in the right half plane,{poles}"
         f" magnitude within {fit.max_magnitude_error_db:.1f} dB and phase within"

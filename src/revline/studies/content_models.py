@@ -12,7 +12,7 @@ from revline.report.inline import Text
 from revline.report.numbers import MINUS, format_deviation, format_number
 from revline.studies.config import StudyConfig, read_table_4_1, reference_text
 from revline.studies.material import Material, figures
-from revline.studies.results import LoopRow, ModelsResult, title
+from revline.studies.results import NONE_ACCEPTED, LoopRow, ModelsResult, title
 from revline.studies.study_results import StudyResults
 
 THESIS_NAMES = (
@@ -100,7 +100,9 @@ def models_section(material: Material) -> Section:
             models_table(results),
             Callout(
                 kind=CalloutKind.FINDING,
-                title=f"The model to design on: {title(results.models.chosen)}",
+                title="No model is accepted: design on none of them without a reserve"
+                if results.models.chosen == NONE_ACCEPTED
+                else f"The model to design on: {title(results.models.chosen)}",
                 blocks=(ItemList(items=tuple(verdicts)),),
             ),
             *figures(material, "4.11a", "4.11b", "4.12a", "4.12b", "4.13", "4.14a", "4.14b", "6.1"),

@@ -16,6 +16,9 @@ SEARCH_TO = 1e4
 ENGINE_SEARCH_TO = 200.0
 """The same for the engine's exact linear model."""
 
+ALIKE = 0.1
+"""Overshoots that differ by no more of the command count as foreseen."""
+
 
 def find_limits(engine: DelaySystem, results: StudyResults) -> tuple[tuple[str, GainLimit | NoGainLimit, GainLimit | NoGainLimit], ...]:
     """Find gain limits of the linear models and of the engine's exact linear model: proportional control, and with C1's ratio ki/kp."""
@@ -68,11 +71,7 @@ def _sentences(engine: DelaySystem, results: StudyResults) -> Iterator[str]:
             f"on the engine it {describe_outcome(on_engine)}. The model without delay {'told' if told else 'did not tell'}."
         )
     yield _of_c2d(loops.row("c2d", "g2d").run, loops.row("c2d", "engine").run, tau)
-    yield (
-        f"Too little proportional gain oscillates slowly: with a tenth of it (ki and kd unchanged) the engine "
-        f"{describe_outcome(loops.row('c2d_reduced', 'engine').run)}; G2 foresees that "
-        f"({describe_outcome(loops.row('c2d_reduced', 'g2').run)}). Lower the integral gain with the proportional one."
-    )
+    yield _of_too_little_gain(loops.row("c2d", "engine").run, loops.row("c2d_reduced", "engine").run, loops.row("c2d_reduced", "g2").run)
     yield (
         f"Use the model with its delay of {1e3 * tau:.1f} ms above {results.errors.equal_frequency:.0f} rad/s; "
         "below, the model without delay errs less in time. Near the speed at which the loop oscillates only the delay tells."
@@ -92,6 +91,18 @@ def _of_c2d(model: LoopRun, engine: LoopRun, delay: float) -> str:
         f"C2d, designed on G2d with its delay of {1e3 * delay:.1f} ms, {describe_outcome(model)} there; on the engine, without retuning, "
         f"it {describe_outcome(engine)}: the overshoot differs by {gap:.1f} percentage points."
     )
+
+
+def _of_too_little_gain(whole: LoopRun, engine: LoopRun, model: LoopRun) -> str:
+    """What a tenth of the proportional gain does, and whether G2 foresees it: the same ending, overshoot within a tenth of the command."""
+    worse = not engine.is_stable or engine.overshoot > whole.overshoot
+    begin = "Too little proportional gain oscillates slowly" if worse else "Less proportional gain does no harm here"
+    foreseen = engine.is_stable == model.is_stable and abs(engine.overshoot - model.overshoot) <= ALIKE
+    text = (
+        f"{begin}: with a tenth of it (ki and kd unchanged) the engine {describe_outcome(engine)}; "
+        f"G2 {'foresees' if foreseen else 'does not foresee'} that ({describe_outcome(model)})."
+    )
+    return f"{text} Lower the integral gain with the proportional one." if worse else text
 
 
 def _title(name: str) -> str:

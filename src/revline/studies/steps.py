@@ -15,14 +15,23 @@ from revline.analysis.trim import Trim, find_trim
 from revline.dde.simulate import Start, Trajectory, simulate
 from revline.design.controller import PidGains
 from revline.design.fine_tuning import FineTuning, Objective, fine_tune
-from revline.design.model_choice import choose_model, fit_all_models
+from revline.design.model_choice import choose_model, fit_all_models, judge_model
 from revline.design.rules import tune_pi_pole_placement, tune_pid_ziegler_nichols, tune_pid_ziegler_nichols_without_gain
 from revline.design.step_tangent import measure_step_tangent
 from revline.engine.lee1995 import lee1995_parameters
 from revline.engine.torque import Rotation
 from revline.lti.response import FrequencyResponse
 from revline.studies.config import StartingGains, StudyConfig, read_table_4_1
-from revline.studies.results import ControllersResult, ModelsResult, PointResult, RangeResult, SineRecord, StepsResult, TimeRecord
+from revline.studies.results import (
+    NONE_ACCEPTED,
+    ControllersResult,
+    ModelsResult,
+    PointResult,
+    RangeResult,
+    SineRecord,
+    StepsResult,
+    TimeRecord,
+)
 from revline.system import DelaySystem
 
 STEP = 1e-3
@@ -129,8 +138,9 @@ def table_response() -> FrequencyResponse:
 def fit_models(response: FrequencyResponse) -> ModelsResult:
     """Fit all six structures and judge them."""
     fits = fit_all_models(response)
-    choice = choose_model(fits)
-    return ModelsResult(response=response, fits=fits, verdicts=choice.verdicts, chosen=choice.chosen.name)
+    verdicts = tuple(judge_model(named.fit) for named in fits)
+    chosen = choose_model(fits).chosen.name if any(verdict.accepted for verdict in verdicts) else NONE_ACCEPTED
+    return ModelsResult(response=response, fits=fits, verdicts=verdicts, chosen=chosen)
 
 
 def design_controllers(models: ModelsResult, config: StudyConfig) -> ControllersResult:

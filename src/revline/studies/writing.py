@@ -23,6 +23,7 @@ from revline.studies.figures import figure_calls
 from revline.studies.making import MAKING, keep_making, read_making
 from revline.studies.material import Material
 from revline.studies.record import SCHEMA, study_record
+from revline.studies.results import NONE_ACCEPTED
 from revline.studies.study import NUMBERS_SHARE, compute_study
 from revline.studies.study_results import StudyResults
 from revline.studies.tables import study_tables
@@ -121,6 +122,8 @@ def rebuild_report(folder: str | Path, report: Report = lambda _, __: None) -> S
 def find_warnings(config: StudyConfig, results: StudyResults) -> Iterator[str]:
     """What the reader of the results must know."""
     yield from _map_warnings(results)
+    if results.models.chosen == NONE_ACCEPTED:
+        yield "every linear model is rejected, as its verdict says: controllers designed on them are to be tried with care"
     trim = results.point.trim
     if not trim.stable:
         yield f"the operating point is unstable without control ({trim.unstable_count} roots in the right half-plane)"
