@@ -6,7 +6,7 @@ import pytest
 from revline.design.closed_loop import LoopRun, LoopTask, run_linear_loop
 from revline.design.controller import PidGains
 from revline.lti.transfer_function import TransferFunction
-from revline.studies.guidelines import _of_too_little_gain
+from revline.studies.guidelines import _foresees, _of_too_little_gain
 from revline.studies.results import NONE_ACCEPTED
 from revline.studies.steps import fit_models
 
@@ -29,6 +29,16 @@ def test_what_too_little_gain_does_is_told_as_it_is() -> None:
     harmless = _of_too_little_gain(reduced, whole, whole)
     assert harmless.startswith("Less proportional gain does no harm here")
     assert "Lower the integral gain" not in harmless
+
+
+def test_a_model_foresees_an_ending_only_with_its_overshoot() -> None:
+    """Of loops that settle, 8 % of overshoot on the model says nothing of 38 % on the engine; of two that do not, the ending tells."""
+    whole, reduced, unstable = loop(1.2), loop(0.12), loop(12.0)
+    assert not unstable.is_stable
+    assert _foresees(whole, whole)
+    assert not _foresees(whole, reduced)
+    assert not _foresees(whole, unstable)
+    assert _foresees(unstable, unstable)
 
 
 def test_a_response_that_no_model_fits_well_does_not_end_the_study() -> None:

@@ -65,10 +65,10 @@ def _sentences(engine: DelaySystem, results: StudyResults) -> Iterator[str]:
     loops, tau = results.loops, results.models.fit("g2d").fit.model.delay
     for controller, model in (("c1", "g1"), ("c2", "g2")):
         on_model, on_engine = loops.row(controller, model).run, loops.row(controller, "engine").run
-        told = on_model.is_stable == on_engine.is_stable
+        told = "told" if _foresees(on_model, on_engine) else "did not tell"
         yield (
             f"{title(controller)}, designed on {title(model)}, {describe_outcome(on_model)} there; "
-            f"on the engine it {describe_outcome(on_engine)}. The model without delay {'told' if told else 'did not tell'}."
+            f"on the engine it {describe_outcome(on_engine)}. The model without delay {told}."
         )
     yield _of_c2d(loops.row("c2d", "g2d").run, loops.row("c2d", "engine").run, tau)
     yield _of_too_little_gain(loops.row("c2d", "engine").run, loops.row("c2d_reduced", "engine").run, loops.row("c2d_reduced", "g2").run)
@@ -97,12 +97,18 @@ def _of_too_little_gain(whole: LoopRun, engine: LoopRun, model: LoopRun) -> str:
     """What a tenth of the proportional gain does, and whether G2 foresees it: the same ending, overshoot within a tenth of the command."""
     worse = not engine.is_stable or engine.overshoot > whole.overshoot
     begin = "Too little proportional gain oscillates slowly" if worse else "Less proportional gain does no harm here"
-    foreseen = engine.is_stable == model.is_stable and abs(engine.overshoot - model.overshoot) <= ALIKE
     text = (
         f"{begin}: with a tenth of it (ki and kd unchanged) the engine {describe_outcome(engine)}; "
-        f"G2 {'foresees' if foreseen else 'does not foresee'} that ({describe_outcome(model)})."
+        f"G2 {'foresees' if _foresees(model, engine) else 'does not foresee'} that ({describe_outcome(model)})."
     )
     return f"{text} Lower the integral gain with the proportional one." if worse else text
+
+
+def _foresees(model: LoopRun, engine: LoopRun) -> bool:
+    """Whether a loop on a model ends as it does on the engine: both at rest with overshoots alike, or neither."""
+    if not (model.is_stable and engine.is_stable):
+        return model.is_stable == engine.is_stable
+    return abs(engine.overshoot - model.overshoot) <= ALIKE
 
 
 def _title(name: str) -> str:
