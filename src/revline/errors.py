@@ -73,7 +73,7 @@ class NotConvergedError(AnalysisError):
 
 
 class PartialResultError(AnalysisError):
-    """A study was interrupted; what is finished is kept and says that it is partial."""
+    """An analysis of several parts was interrupted, or some failed; what is finished is kept and says that it is partial."""
 
 
 def out_of_range(quantity: str, value: float, unit: str, limit: str, remedy: str) -> InvalidInputError:

@@ -117,6 +117,18 @@ def test_writing_then_reading_gives_the_same_bits(
     assert (found.response.input_name, found.response.output_name, found.input_amplitude) == ("input", "speed", amplitude)
 
 
+def test_turns_that_are_known_are_kept_where_the_grid_cannot_show_them(tmp_path: Path) -> None:
+    path, omega = tmp_path / "response.csv", np.array([100.0, 900.0])
+    response = FrequencyResponse(omega=omega, values=np.exp(-0.1j * omega), turns=np.array([-2, -14]))
+    assert response.phase_deg == pytest.approx(np.degrees(-0.1 * omega))
+    write_response(path, response, amplitude=1.0)
+    found = read_response(path)
+    assert found.response.phase_deg.tolist() == response.phase_deg.tolist()
+    assert found.notes == ()
+    path.write_text(path.read_text().replace("# phase_turns: counted\n", ""))
+    assert read_response(path).response.phase_deg[0] == pytest.approx(np.degrees(-10.0) + 720.0)
+
+
 def test_what_is_written_names_its_units(tmp_path: Path) -> None:
     path = tmp_path / "response.csv"
     write_response(path, SOME, amplitude=2.0)

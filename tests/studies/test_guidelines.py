@@ -6,8 +6,7 @@ import pytest
 from revline.design.closed_loop import LoopRun, LoopTask, run_linear_loop
 from revline.design.controller import PidGains
 from revline.lti.transfer_function import TransferFunction
-from revline.studies.guidelines import _foresees, _of_too_little_gain
-from revline.studies.results import NONE_ACCEPTED
+from revline.studies.guidelines import _foresees
 from revline.studies.steps import fit_models
 
 LAG = TransferFunction(numerator=(12.0,), denominator=(1.0, 0.55, 0.034), delay=0.02, input_unit="deg", output_unit="rad/s")
@@ -16,19 +15,6 @@ LAG = TransferFunction(numerator=(12.0,), denominator=(1.0, 0.55, 0.034), delay=
 def loop(kp: float) -> LoopRun:
     gains = PidGains(kp=kp, ki=2.0, kd=0.1, input_unit="rad/s", output_unit="deg", rule="test", designed_on="test")
     return run_linear_loop(LAG, gains, LoopTask(command=60.0, until=30.0), name="lag")
-
-
-def test_what_too_little_gain_does_is_told_as_it_is() -> None:
-    whole, reduced = loop(1.2), loop(0.12)
-    assert reduced.overshoot > whole.overshoot + 0.1
-    text = _of_too_little_gain(whole, reduced, reduced)
-    assert text.startswith("Too little proportional gain oscillates slowly")
-    assert "G2 foresees that" in text
-    assert text.endswith("Lower the integral gain with the proportional one.")
-    assert "G2 does not foresee that" in _of_too_little_gain(whole, reduced, whole)
-    harmless = _of_too_little_gain(reduced, whole, whole)
-    assert harmless.startswith("Less proportional gain does no harm here")
-    assert "Lower the integral gain" not in harmless
 
 
 def test_a_model_foresees_an_ending_only_with_its_overshoot() -> None:
@@ -47,6 +33,6 @@ def test_a_response_that_no_model_fits_well_does_not_end_the_study() -> None:
         numerator=(12.0, 0.012, 0.12), denominator=(1.0, 0.6, 0.07, 0.01, 0.001), delay=0.02, input_unit="deg", output_unit="rad/s"
     )
     models = fit_models(replace(plant.response(np.geomspace(0.05, 60.0, 30)), method="test"))
-    assert models.chosen == NONE_ACCEPTED
+    assert models.chosen == ""
     assert all(verdict.text.startswith("rejected: ") for verdict in models.verdicts)
     assert pytest.approx(12.0, rel=0.5) == models.fit("g2").fit.model.static_gain

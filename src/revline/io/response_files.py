@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,12 +11,18 @@ from revline.errors import InvalidInputError, out_of_range
 from revline.io.atomic import write_atomically
 from revline.io.csv_table import CsvTable, read_csv_table
 from revline.io.csv_text import format_csv
-from revline.lti.response import Complexes, Floats, FrequencyResponse
+from revline.lti.response import Complexes, Floats, FrequencyResponse, count_turns
 from revline.units import DEGREE
 from revline.values import make_read_only
 
 DEFAULT_AMPLITUDE = 5.0
 """Input amplitude in deg of a file that gives output amplitudes and does not say of which input; that of Lee (1995), Table 4.1."""
+
+_TURNS = ("phase_turns", "counted")
+"""The comment of a file whose phases have all their turns, told by more than the values themselves."""
+
+PARTIAL = "partial"
+"""The comment of a file that holds only a part of the response asked for: what is missing, and why."""
 
 _AGREEMENT = 1e-9
 _TINY = 1e-300
@@ -112,12 +118,14 @@ def read_response(path: str | Path, *, columns: Mapping[str, str] | None = None,
     if rectangular:
         values = _read_rectangular(table, values, phases)
     response = _make_response(table, omega, values, is_amplitude=size_quantity.is_amplitude)
+    if table.metadata.get(_TURNS[0]) == _TURNS[1]:
+        response = replace(response, turns=count_turns(values, phases / DEGREE))
     return ResponseFile(
         response=response,
         input_amplitude=used,
         distortion=table.numbers("distortion") if "distortion" in table.header else np.zeros(0),
         metadata=table.metadata,
-        notes=(*notes, *_turn_notes(response, phases), *_lead_notes(response)),
+        notes=(*notes, *_turn_notes(response, phases), *_lead_notes(response), *_partial_notes(table)),
     )
 
 
@@ -136,7 +144,7 @@ def write_response(path: str | Path, response: FrequencyResponse, *, amplitude: 
     write_atomically(path, format_response(response, amplitude=amplitude, distortion=distortion), "frequency response")
 
 
-def format_response(response: FrequencyResponse, *, amplitude: float, distortion: Floats | None = None) -> str:
+def format_response(response: FrequencyResponse, *, amplitude: float, distortion: Floats | None = None, partial: str = "") -> str:
     """Format a frequency response as CSV, so that `read_response` gives it back to the last bit.
 
     Columns: frequency_rad_s, amplitude_rad_s (magnitude where the output is no speed in rad/s), phase_deg, distortion where given, and
@@ -146,6 +154,7 @@ def format_response(response: FrequencyResponse, *, amplitude: float, distortion
         response: what to write.
         amplitude: of the input, in its unit; amplitudes are the magnitude times this.
         distortion: one per frequency, where the method has it.
+        partial: what is missing and why, where the response is not whole.
 
     Raises:
         InvalidInputError: the amplitude is not positive, the lengths differ, there is a frequency of 0, a magnitude is beyond the range
@@ -158,7 +167,8 @@ def format_response(response: FrequencyResponse, *, amplitude: float, distortion
             raise InvalidInputError(message)
     entries = _columns(response, amplitude, distortion)
     entries += [("gain_real", response.values.real), ("gain_imag", response.values.imag)]
-    return format_csv(entries, notes=dict(notes))
+    remarks = {PARTIAL: partial} if partial else {}
+    return format_csv(entries, notes={**dict(notes), **remarks})
 
 
 def response_rows(response: FrequencyResponse, *, amplitude: float, distortion: Floats | None = None) -> list[dict[str, float]]:
@@ -208,6 +218,7 @@ def _metadata(response: FrequencyResponse, amplitude: float) -> tuple[tuple[str,
         ("output_unit", response.output_unit),
         ("method", response.method),
         ("known_delay_s", repr(float(response.known_delay))),
+        *((_TURNS,) if response.turns.size else ()),
     )
 
 
@@ -305,6 +316,10 @@ def _make_response(table: CsvTable, omega: Floats, values: Complexes, *, is_ampl
         method=says.get("method", f"file {table.path.name}"),
         known_delay=_metadata_number(table, "known_delay_s") if "known_delay_s" in says else 0.0,
     )
+
+
+def _partial_notes(table: CsvTable) -> tuple[str, ...]:
+    return (f"{table.path} is partial: {table.metadata[PARTIAL]}",) if PARTIAL in table.metadata else ()
 
 
 def _turn_notes(response: FrequencyResponse, phases: Floats) -> tuple[str, ...]:

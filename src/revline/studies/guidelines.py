@@ -52,8 +52,8 @@ def _sentences(engine: DelaySystem, results: StudyResults) -> Iterator[str]:
     searched = min((limit.searched_to for limit in open_ended.values()), default=SEARCH_TO)
     if without:
         yield (
-            f"{' and '.join(without)} set no upper limit to the gain: their phase does not reach -180 deg up to {searched:g} rad/s. "
-            "A controller designed on them can be made as fast as one likes, on paper."
+            f"{' and '.join(without)} set no upper limit to a proportional gain: their phase does not reach -180 deg up to "
+            f"{searched:g} rad/s. On paper such a loop can be made as fast as one likes."
         )
     for name, (alone, integral) in limits.items():
         if isinstance(alone, GainLimit):
@@ -71,7 +71,7 @@ def _sentences(engine: DelaySystem, results: StudyResults) -> Iterator[str]:
             f"on the engine it {describe_outcome(on_engine)}. The model without delay {told}."
         )
     yield _of_c2d(loops.row("c2d", "g2d").run, loops.row("c2d", "engine").run, tau)
-    yield _of_too_little_gain(loops.row("c2d", "engine").run, loops.row("c2d_reduced", "engine").run, loops.row("c2d_reduced", "g2").run)
+    yield _of_reduced(loops.row("c2d_reduced", "g2").run, loops.row("c2d_reduced", "engine").run, loops.row("c2d", "engine").run)
     yield (
         f"Use the model with its delay of {1e3 * tau:.1f} ms above {results.errors.equal_frequency:.0f} rad/s; "
         "below, the model without delay errs less in time. Near the speed at which the loop oscillates only the delay tells."
@@ -86,22 +86,24 @@ def _sentences(engine: DelaySystem, results: StudyResults) -> Iterator[str]:
 
 
 def _of_c2d(model: LoopRun, engine: LoopRun, delay: float) -> str:
-    gap = 100.0 * abs(engine.overshoot - model.overshoot)
-    return (
-        f"C2d, designed on G2d with its delay of {1e3 * delay:.1f} ms, {describe_outcome(model)} there; on the engine, without retuning, "
-        f"it {describe_outcome(engine)}: the overshoot differs by {gap:.1f} percentage points."
-    )
-
-
-def _of_too_little_gain(whole: LoopRun, engine: LoopRun, model: LoopRun) -> str:
-    """What a tenth of the proportional gain does, and whether G2 foresees it: the same ending, overshoot within a tenth of the command."""
-    worse = not engine.is_stable or engine.overshoot > whole.overshoot
-    begin = "Too little proportional gain oscillates slowly" if worse else "Less proportional gain does no harm here"
     text = (
-        f"{begin}: with a tenth of it (ki and kd unchanged) the engine {describe_outcome(engine)}; "
-        f"G2 {'foresees' if _foresees(model, engine) else 'does not foresee'} that ({describe_outcome(model)})."
+        f"C2d, designed on G2d with its delay of {1e3 * delay:.1f} ms, {describe_outcome(model)} there; on the engine, without retuning, "
+        f"it {describe_outcome(engine)}"
     )
-    return f"{text} Lower the integral gain with the proportional one." if worse else text
+    if not (model.is_stable and engine.is_stable):
+        return f"{text}."
+    return f"{text}: the overshoot differs by {100.0 * abs(engine.overshoot - model.overshoot):.1f} percentage points."
+
+
+def _of_reduced(model: LoopRun, engine: LoopRun, whole: LoopRun) -> str:
+    """What a tenth of C2d's proportional gain does; more overshoot than with the whole gain is the slow oscillation."""
+    outcomes = f"the engine {describe_outcome(engine)}; on G2 the same loop {describe_outcome(model)}"
+    if engine.is_stable and engine.overshoot <= whole.overshoot:
+        return f"With a tenth of C2d's proportional gain (ki and kd unchanged) {outcomes}."
+    return (
+        f"Too little proportional gain swings slowly: with a tenth of C2d's (ki and kd unchanged) {outcomes}. "
+        "Lower the integral gain with the proportional one."
+    )
 
 
 def _foresees(model: LoopRun, engine: LoopRun) -> bool:

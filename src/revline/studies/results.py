@@ -79,13 +79,9 @@ class SineRecord(NamedTuple):
     speed: Floats
 
 
-NONE_ACCEPTED = "none"
-"""What stands for the model to design on where every model is rejected; the study goes on, and says so."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ModelsResult:
-    """Six models fitted to one response, each with its verdict; `chosen` is the one to design on, or `NONE_ACCEPTED`."""
+    """Six models fitted to one response, each with its verdict; `chosen` is the one to design on, empty where all are rejected."""
 
     response: FrequencyResponse
     fits: tuple[NamedFit, ...]

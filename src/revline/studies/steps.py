@@ -22,16 +22,7 @@ from revline.engine.lee1995 import lee1995_parameters
 from revline.engine.torque import Rotation
 from revline.lti.response import FrequencyResponse
 from revline.studies.config import StartingGains, StudyConfig, read_table_4_1
-from revline.studies.results import (
-    NONE_ACCEPTED,
-    ControllersResult,
-    ModelsResult,
-    PointResult,
-    RangeResult,
-    SineRecord,
-    StepsResult,
-    TimeRecord,
-)
+from revline.studies.results import ControllersResult, ModelsResult, PointResult, RangeResult, SineRecord, StepsResult, TimeRecord
 from revline.system import DelaySystem
 
 STEP = 1e-3
@@ -136,11 +127,11 @@ def table_response() -> FrequencyResponse:
 
 
 def fit_models(response: FrequencyResponse) -> ModelsResult:
-    """Fit all six structures and judge them."""
+    """Fit all six structures and judge them; where all are rejected the study goes on, and its warnings say so."""
     fits = fit_all_models(response)
     verdicts = tuple(judge_model(named.fit) for named in fits)
-    chosen = choose_model(fits).chosen.name if any(verdict.accepted for verdict in verdicts) else NONE_ACCEPTED
-    return ModelsResult(response=response, fits=fits, verdicts=verdicts, chosen=chosen)
+    accepted = any(verdict.accepted for verdict in verdicts)
+    return ModelsResult(response=response, fits=fits, verdicts=verdicts, chosen=choose_model(fits).chosen.name if accepted else "")
 
 
 def design_controllers(models: ModelsResult, config: StudyConfig) -> ControllersResult:
