@@ -26,6 +26,8 @@ PARTIAL = "partial"
 
 _AGREEMENT = 1e-9
 _TINY = 1e-300
+_FEWEST_FOR_SLOPE = 5
+_LARGEST_LEAD = 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +125,7 @@ def read_response(path: str | Path, *, columns: Mapping[str, str] | None = None,
         input_amplitude=used,
         distortion=table.numbers("distortion") if "distortion" in table.header else np.zeros(0),
         metadata=table.metadata,
-        notes=(*notes, *_turn_notes(response, phases), *_partial_notes(table)),
+        notes=(*notes, *_turn_notes(response, phases), *_lead_notes(response), *_partial_notes(table)),
     )
 
 
@@ -232,7 +234,7 @@ def _find_quantity(table: CsvTable, role: str, columns: dict[str, str]) -> tuple
     wanted = ", ".join(quantity.name for quantity in QUANTITIES if quantity.role == role)
     if not present:
         message = f"{table.path}, line {table.header_line}: no {role} column among {', '.join(table.header)}; name one {wanted},"
-        message += " or say which column it is"
+        message += " or say which column it is, as --columns QUANTITY=COLUMN does"
         raise InvalidInputError(message, role=role)
     if len(present) > 1:
         names = " and ".join(column for _, column in present)
@@ -327,3 +329,23 @@ def _turn_notes(response: FrequencyResponse, phases: Floats) -> tuple[str, ...]:
         return ()
     first = float(response.omega[np.flatnonzero(turns)[0]])
     return (f"the phase in the file and the phase unwrapped from the lowest frequency differ by full turns from {first:g} rad/s on",)
+
+
+def _lead_notes(response: FrequencyResponse) -> tuple[str, ...]:
+    """Say where the phase leads what the slope of the magnitude allows a stable system: a lag given as positive, or radians as degrees.
+
+    Source: Bode (1945), Network Analysis and Feedback Amplifier Design, chapter 14: a slope of n in the logarithms is worth n times 90 deg.
+    """
+    if response.omega.size < _FEWEST_FOR_SLOPE or not np.all(response.magnitude > 0.0):
+        return ()
+    slope = np.gradient(np.log(response.magnitude), np.log(response.omega))
+    lead = response.phase_deg - 90.0 * slope
+    lead -= 180.0 * np.round(lead[0] / 180.0)
+    if float(np.median(lead)) <= _LARGEST_LEAD:
+        return ()
+    message = (
+        f"the phase leads by {np.median(lead):.0f} deg (median) what the slope of the magnitude allows a stable system: if the column"
+        " holds a lag as a positive number name it phase_lag_deg, and if it holds radians phase_rad (or say so with --columns);"
+        " else the plant is unstable"
+    )
+    return (message,)
