@@ -81,7 +81,7 @@ class SineRecord(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ModelsResult:
-    """Six models fitted to one response, each with its verdict; `chosen` is the one to design on."""
+    """Six models fitted to one response, each with its verdict; `chosen` is the one to design on, empty where all are rejected."""
 
     response: FrequencyResponse
     fits: tuple[NamedFit, ...]

@@ -15,7 +15,7 @@ from revline.analysis.trim import Trim, find_trim
 from revline.dde.simulate import Start, Trajectory, simulate
 from revline.design.controller import PidGains
 from revline.design.fine_tuning import FineTuning, Objective, fine_tune
-from revline.design.model_choice import choose_model, fit_all_models
+from revline.design.model_choice import choose_model, fit_all_models, judge_model
 from revline.design.rules import tune_pi_pole_placement, tune_pid_ziegler_nichols, tune_pid_ziegler_nichols_without_gain
 from revline.design.step_tangent import measure_step_tangent
 from revline.engine.lee1995 import lee1995_parameters
@@ -127,10 +127,11 @@ def table_response() -> FrequencyResponse:
 
 
 def fit_models(response: FrequencyResponse) -> ModelsResult:
-    """Fit all six structures and judge them."""
+    """Fit all six structures and judge them; where all are rejected the study goes on, and its warnings say so."""
     fits = fit_all_models(response)
-    choice = choose_model(fits)
-    return ModelsResult(response=response, fits=fits, verdicts=choice.verdicts, chosen=choice.chosen.name)
+    verdicts = tuple(judge_model(named.fit) for named in fits)
+    accepted = any(verdict.accepted for verdict in verdicts)
+    return ModelsResult(response=response, fits=fits, verdicts=verdicts, chosen=choose_model(fits).chosen.name if accepted else "")
 
 
 def design_controllers(models: ModelsResult, config: StudyConfig) -> ControllersResult:
