@@ -41,7 +41,7 @@ def test_the_commands_of_the_page_print_what_it_shows(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "bench.csv").write_text(BENCH)
-    (tmp_path / "c2d.json").write_text('{"kp": 1.2, "ki": 2.0, "kd": 0.1}')
+    (tmp_path / "hand.json").write_text('{"kp": 1.2, "ki": 2.0, "kd": 0.1}')
     for line, shown in examples(PAGE.read_text()):
         run(shlex.split(line)[1:])
         out, err = capsys.readouterr()

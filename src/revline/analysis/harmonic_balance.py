@@ -21,7 +21,7 @@ from revline.analysis.periodic import Excitation, check_excitation
 from revline.analysis.phase_turns import SineReading, read_turns
 from revline.analysis.trim import Trim
 from revline.errors import AnalysisError, LagError, NotConvergedError, out_of_range
-from revline.lti.response import Complexes, FrequencyResponse, check_frequencies
+from revline.lti.response import Complexes, FrequencyResponse, check_frequencies, count_turns
 from revline.lti.state_space import DelayStateSpace
 from revline.system import DelaySystem, Floats, Variable, index_of
 from revline.values import make_read_only
@@ -150,7 +150,7 @@ class HarmonicBalance:
             output_name=self.watched.name,
             output_unit=self.watched.unit,
             method="harmonic balance",
-            known_delay=self.fundamental.known_delay,
+            turns=count_turns(self.fundamental.values, self.fundamental.phase_deg),
         )
 
 
