@@ -23,6 +23,7 @@ from revline.report.inline import Text, marked
 from revline.report.numbers import format_number
 from revline.studies import content_models
 from revline.studies.material import Material, figures
+from revline.studies.results import NoRange
 from revline.units import RPM
 
 
@@ -143,15 +144,18 @@ def _simulation(material: Material) -> Section:
 def _steady(material: Material) -> Section:
     result = material.results.range
     widest = result.widest
+    allowed = f"If an error of {100 * widest.tolerance:g} % of the span is allowed, "
+    if isinstance(widest, NoRange):
+        allowed += "no range about the operating point is straight enough."
+    else:
+        allowed += f"the range may be {widest.line.low:.1f} to {widest.line.high:.1f} deg."
     return Section(
         title="Steady states and operating range",
         anchor="steady",
         blocks=(
             Paragraph(
                 f"The steady map is nearly straight about the operating point: over {result.line.low:g} to {result.line.high:g} deg a line "
-                f"of slope {result.line.slope:.3f} rad/s per deg errs by {result.line.max_error:.2f} rad/s at most. If an error of "
-                f"{100 * widest.tolerance:g} % of the span is allowed, the range may be {widest.line.low:.1f} to "
-                f"{widest.line.high:.1f} deg."
+                f"of slope {result.line.slope:.3f} rad/s per deg errs by {result.line.max_error:.2f} rad/s at most. {allowed}"
             ),
             *figures(material, "4.1", "4.2a", "4.2b"),
         ),

@@ -100,7 +100,7 @@ def models_section(material: Material) -> Section:
             models_table(results),
             Callout(
                 kind=CalloutKind.FINDING,
-                title=f"The model to design on: {title(results.models.chosen)}",
+                title=f"The model to design on: {', '.join(map(title, results.models.chosen)) or 'none is accepted'}",
                 blocks=(ItemList(items=tuple(verdicts)),),
             ),
             *figures(material, "4.11a", "4.11b", "4.12a", "4.12b", "4.13", "4.14a", "4.14b", "6.1"),

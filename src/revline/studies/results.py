@@ -41,13 +41,21 @@ class PointResult:
     exact: FrequencyResponse
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoRange:
+    """No range about the operating point is linear within a tolerance, and why."""
+
+    tolerance: float
+    reason: str
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RangeResult:
-    """Steady map, the line over the range studied, and the widest range for a stated tolerance."""
+    """Steady map, the line over the range studied, and the widest range for a stated tolerance, where there is one."""
 
     steady_map: SteadyMap
     line: LineFit
-    widest: OperatingRange
+    widest: OperatingRange | NoRange
 
 
 class TimeRecord(NamedTuple):
@@ -81,12 +89,12 @@ class SineRecord(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ModelsResult:
-    """Six models fitted to one response, each with its verdict; `chosen` is the one to design on."""
+    """Six models fitted to one response, each with its verdict; `chosen` is the one to design on, or none where none is accepted."""
 
     response: FrequencyResponse
     fits: tuple[NamedFit, ...]
     verdicts: tuple[Verdict, ...]
-    chosen: str
+    chosen: tuple[str, ...]
 
     def fit(self, name: str) -> NamedFit:
         """The fit of one structure, by its name."""

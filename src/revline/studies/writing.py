@@ -1,33 +1,41 @@
 """Running a study into a folder: numbers, tables, figures, report, results.json. Interrupted, it says so and goes on later."""
 
+import importlib.util
 import re
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from revline import __version__
 from revline.errors import InvalidInputError, PartialResultError, RevlineError
 from revline.io.json_files import write_json
 from revline.io.value_files import read_value, write_value
 from revline.report.figure_files import FigureTask, figure_task, write_figures
 from revline.report.html import write_html
 from revline.report.pdf import write_pdf
-from revline.report.tables import write_tables
+from revline.report.tables import Table, write_tables
 from revline.studies.captions import caption, figure_rows
-from revline.studies.chain import FOLDER, Report, Stopwatch
+from revline.studies.chain import FOLDER, Report, Stopwatch, code_digest
 from revline.studies.checks import Check, check_study
 from revline.studies.config import StudyConfig
 from revline.studies.content import make_document
 from revline.studies.figures import figure_calls
+from revline.studies.folder import Written, is_finished, keep_written, read_written, remove_files, study_folder
 from revline.studies.making import MAKING, keep_making, read_making
 from revline.studies.material import Material
-from revline.studies.record import SCHEMA, study_record
+from revline.studies.partial import write_partial_report
+from revline.studies.parts import Parts
+from revline.studies.record import partial_record, study_record
+from revline.studies.results import NoRange
 from revline.studies.study import NUMBERS_SHARE, compute_study
 from revline.studies.study_results import StudyResults
 from revline.studies.tables import study_tables
+from revline.values import fingerprint
 
 RESULTS = "results.json"
+PAGE = "report.html"
+PAPER = "report.pdf"
+NO_PAPER = "there is no report.pdf: typst, which sets it, is not installed; pip install revline[report]"
 QUESTIONS = "questions.json"
 BUNDLE = "study.json"
 
@@ -64,6 +72,9 @@ class Study:
 def run_study(config: StudyConfig, folder: str | Path, report: Report = lambda _, __: None) -> Study:
     """Run a study into a folder; one that was interrupted there goes on from its finished steps.
 
+    Until it is finished, results.json and report.html say after each step that they are partial, and hold what is found. A study that
+    lies there finished already stays so.
+
     Args:
         config: the questions.
         folder: made if it is missing.
@@ -73,30 +84,83 @@ def run_study(config: StudyConfig, folder: str | Path, report: Report = lambda _
         The study, all files written.
 
     Raises:
-        InvalidInputError: the folder cannot be written, or a question is unusable.
-        AnalysisError: a step could not be completed; finished ones are kept and results.json says that it is partial.
-        PartialResultError: it was interrupted; the same.
+        InvalidInputError: the folder cannot be written or another study is at work there, or a question is unusable.
+        AnalysisError: a figure or the report could not be made.
+        PartialResultError: it was interrupted, or some steps could not be completed; what does not need these is computed.
     """
     place, watch = Path(folder), Stopwatch()
-    steps = _prepare(place)
-    before = _kept_files(place)
-    write_json(place / RESULTS, _partial_record(place, config), "results")
-    try:
-        (steps / BUNDLE).unlink(missing_ok=True)  # answers to other questions may lie there
-        write_value(steps / QUESTIONS, config)
-        results = compute_study(config, place, report)
-        write_value(steps / BUNDLE, results)
-        keep_making(steps / MAKING, results, watch.seconds, len(before & _kept_files(place)))
-        return _write_all(config, results, place, report, watch)
-    except KeyboardInterrupt as error:
-        record = _partial_record(place, config)
-        write_json(place / RESULTS, record, "results")
-        done = ", ".join(record["finished_steps"]) or "nothing"
-        message = f"interrupted: {place} is partial (finished: {done}); run the same command again and it goes on from there"
-        raise PartialResultError(message) from error
-    except RevlineError:
-        write_json(place / RESULTS, _partial_record(place, config), "results")
-        raise
+    questions = fingerprint(config, config.load_engine().content_digest)
+    with study_folder(place) as steps:
+        ledger = _open_ledger(config, place, questions)
+        try:
+            before = _kept_files(place)
+            results = compute_study(config, place, report, ledger.keep)
+            write_value(steps / BUNDLE, results)
+            keep_making(steps / MAKING, results, watch.seconds, len(before & _kept_files(place)))
+            return _write_all(config, results, place, report, ledger.written, watch)
+        except KeyboardInterrupt as error:
+            ledger.say_partial()
+            message = f"interrupted: {ledger.state}; run the same command again and it goes on from there"
+            raise PartialResultError(message) from error
+        except RevlineError:
+            ledger.say_partial()
+            raise
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class _Ledger:
+    """What the folder of a study under way says of it.
+
+    Attributes:
+        place: the folder.
+        config: the questions.
+        written: what is or will be written there; whole where the very study lies there finished.
+        parts: what is found so far.
+    """
+
+    place: Path
+    config: StudyConfig
+    written: Written
+    parts: Parts = field(default_factory=Parts)
+
+    def keep(self, parts: Parts) -> None:
+        """Take what is found, and say it in results.json."""
+        self.parts = parts
+        if not self.written.is_whole:
+            write_json(self.place / RESULTS, partial_record(self.config, parts), "results")
+
+    def say_partial(self) -> None:
+        """Say in results.json and on the report's page that the study is partial, and hold what is found."""
+        if not self.written.is_whole:
+            self.keep(self.parts)
+            write_partial_report(self.config, self.parts, self.place / PAGE)
+
+    @property
+    def state(self) -> str:
+        """How the folder is left, in words."""
+        if self.written.is_whole:
+            return f"{self.place} holds the study as it was finished before"
+        return f"{self.place} is partial (finished: {', '.join(self.parts.finished) or 'nothing'})"
+
+
+def _open_ledger(config: StudyConfig, place: Path, questions: str) -> _Ledger:
+    """Say that the study is partial and remove what answered other questions, unless the very study lies there finished."""
+    steps = place / FOLDER
+    earlier = read_written(steps)
+    if is_finished(place, earlier, questions, code_digest()) and earlier is not None:
+        return _Ledger(place=place, config=config, written=earlier)
+    same = earlier is not None and earlier.questions == questions
+    if earlier is not None and not same:
+        remove_files(place, earlier.files)
+    remove_files(place, (PAPER,))  # it cannot say that it is partial
+    (steps / BUNDLE).unlink(missing_ok=True)  # answers to other questions may lie there
+    files = earlier.files if earlier is not None and same else ()
+    written = Written(questions=questions, code=code_digest(), is_whole=False, files=files)
+    ledger = _Ledger(place=place, config=config, written=written)
+    ledger.say_partial()
+    keep_written(steps, written)
+    write_value(steps / QUESTIONS, config)
+    return ledger
 
 
 def rebuild_report(folder: str | Path, report: Report = lambda _, __: None) -> Study:
@@ -115,7 +179,10 @@ def rebuild_report(folder: str | Path, report: Report = lambda _, __: None) -> S
     if not isinstance(config, StudyConfig) or not isinstance(results, StudyResults):
         message = f"{steps} holds other values than a study's; run `revline study --out {place}` again"
         raise InvalidInputError(message, path=str(place))
-    return _write_all(config, results, place, report, watch)
+    with study_folder(place):
+        earlier = read_written(steps)
+        kept = Written(questions="", code="", is_whole=False, files=()) if earlier is None else earlier
+        return _write_all(config, results, place, report, kept, watch)
 
 
 def find_warnings(config: StudyConfig, results: StudyResults) -> Iterator[str]:
@@ -126,6 +193,10 @@ def find_warnings(config: StudyConfig, results: StudyResults) -> Iterator[str]:
         yield f"the operating point is unstable without control ({trim.unstable_count} roots in the right half-plane)"
     yield from (str(left) for left in trim.left_out)
     yield from results.response.notes
+    if isinstance(results.range.widest, NoRange):
+        yield f"no range chosen automatically: {results.range.widest.reason}"
+    if not results.models.chosen:
+        yield "no model of the response is accepted; their verdicts say why"
     if not config.is_the_thesis:
         yield "engine or operating point are not the thesis's: its numbers are not set beside"
     for row in results.loops.rows:
@@ -162,11 +233,16 @@ def figure_tasks(config: StudyConfig, results: StudyResults) -> tuple[FigureTask
     )
 
 
-def _write_all(config: StudyConfig, results: StudyResults, folder: Path, report: Report, watch: Stopwatch) -> Study:
+def _write_all(config: StudyConfig, results: StudyResults, folder: Path, report: Report, earlier: Written, watch: Stopwatch) -> Study:
+    has_paper = importlib.util.find_spec("typst") is not None
     checks, warnings = check_study(config, results), tuple(dict.fromkeys(find_warnings(config, results)))
+    warnings += () if has_paper else (NO_PAPER,)
+    tables, tasks = study_tables(config, results), figure_tasks(config, results)
+    written = _will_write(earlier, (RESULTS, PAGE, PAPER) if has_paper else (RESULTS, PAGE), tables, tasks)
+    if not earlier.is_whole:
+        keep_written(folder / FOLDER, replace(written, is_whole=False, files=tuple({*earlier.files, *written.files})))
     report("tables", NUMBERS_SHARE)
-    write_tables(folder / "tables", study_tables(config, results))
-    tasks = figure_tasks(config, results)
+    write_tables(folder / "tables", tables)
     write_figures(tasks, folder / "figures", progress=_figure_progress(report))
     report("report", FIGURES_SHARE)
     making = read_making(folder / FOLDER / MAKING)
@@ -181,17 +257,27 @@ def _write_all(config: StudyConfig, results: StudyResults, folder: Path, report:
         made_on=making.made_on,
     )
     document = make_document(material)
-    write_html(document, folder / "report.html")
-    report("report on paper", 0.95)
-    write_pdf(document, folder / "report.pdf")
+    write_html(document, folder / PAGE)
+    if has_paper:
+        report("report on paper", 0.95)
+        write_pdf(document, folder / PAPER)
     record = study_record(config, results, checks, warnings, watch.seconds)
     record["figures"] = [
         {"id": row["id"], "title": row["title"], "file": f"figures/figure_{row['id']}.png", "caption": caption(row["id"], results)}
         for row in figure_rows()
     ]
     write_json(folder / RESULTS, record, "results")
+    remove_files(folder, sorted(set(earlier.files) - set(written.files)))
+    keep_written(folder / FOLDER, written)
     report("done", 1.0)
     return Study(folder=folder, config=config, results=results, checks=checks, warnings=warnings, record=record)
+
+
+def _will_write(earlier: Written, files: tuple[str, ...], tables: Iterable[Table], tasks: Iterable[FigureTask]) -> Written:
+    """All files of a finished study."""
+    files += tuple(f"tables/{table.name}.csv" for table in tables)
+    files += tuple(f"figures/{task.name}.{ending}" for task in tasks for ending in ("png", "svg"))
+    return replace(earlier, is_whole=True, files=tuple(sorted(files)))
 
 
 def _figure_progress(report: Report) -> Callable[[int, int, str], None]:
@@ -201,36 +287,6 @@ def _figure_progress(report: Report) -> Callable[[int, int, str], None]:
     return told
 
 
-def _prepare(folder: Path) -> Path:
-    """Make the folder and see that it can be written, before anything long is begun."""
-    steps = folder / FOLDER
-    try:
-        steps.mkdir(parents=True, exist_ok=True)
-        probe = steps / ".probe"
-        probe.write_text("")
-        probe.unlink()
-    except OSError as error:
-        message = f"the folder {folder} cannot be written: {error.strerror}; name one that may be written with --out"
-        raise InvalidInputError(message, path=str(folder)) from error
-    return steps
-
-
-def _finished(folder: Path) -> list[str]:
-    """Names of the steps that are kept in a study's folder."""
-    return sorted({name.rpartition("-")[0] for name in _kept_files(folder)})
-
-
 def _kept_files(folder: Path) -> frozenset[str]:
     """Files of steps, each named by the step and the fingerprint of what it was made from."""
     return frozenset(path.name for path in (folder / FOLDER).glob("*-*.json"))
-
-
-def _partial_record(folder: Path, config: StudyConfig) -> dict[str, Any]:
-    return {
-        "schema": SCHEMA,
-        "partial": True,
-        "engine": config.engine,
-        "version": __version__,
-        "finished_steps": _finished(folder),
-        "note": "this study is not finished; run the same command again and it goes on from its finished steps",
-    }
