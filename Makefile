@@ -40,7 +40,7 @@ acceptance: .venv/.dev ## Check the study in ./out and every command against pub
 
 bench: .venv/.dev ## Measure speed; see benchmarks/.
 	$(BIN)/python -m pytest benchmarks --benchmark-enable --benchmark-only
-	set -e; for script in $(wildcard benchmarks/*_against_*.py); do $(BIN)/python $$script; done
+	set -e; for script in $(wildcard benchmarks/*_against_*.py) benchmarks/study_times.py; do $(BIN)/python $$script; done
 
 lock: .venv/.dev ## Write requirements/ anew from pyproject.toml.
 	sh scripts/lock.sh $(BIN)/uv

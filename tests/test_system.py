@@ -111,7 +111,7 @@ def test_an_unknown_input_is_refused() -> None:
 
 @pytest.mark.parametrize("value", [5.1, -1.1, math.nan, math.inf, -math.inf])
 def test_a_value_out_of_range_is_refused(value: float) -> None:
-    expected = f"u = {value:g} 1 is outside -1 to 5 1; give a value in that range"
+    expected = f"u = {value:g} is outside -1 to 5; give a value in that range"
     with pytest.raises(InvalidInputError, match=f"^{re.escape(expected)}$"):
         system().input_vector({"u": value})
 

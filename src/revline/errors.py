@@ -64,6 +64,14 @@ class DivergedError(SimulationError):
     """A state grew beyond all bounds or stopped being a number."""
 
 
+class StoppedError(SimulationError):
+    """A simulation was stopped from outside; `run` is the trajectory until then, from which it can go on."""
+
+    def __init__(self, message: str, *, run: object, **details: Detail) -> None:
+        super().__init__(message, **details)
+        self.run = run
+
+
 class NotSettledError(AnalysisError):
     """A periodic or a steady response was not reached within the allowed time."""
 
@@ -73,7 +81,7 @@ class NotConvergedError(AnalysisError):
 
 
 class PartialResultError(AnalysisError):
-    """A study was interrupted; what is finished is kept and says that it is partial."""
+    """An analysis of several parts was interrupted, or some failed; what is finished is kept and says that it is partial."""
 
 
 def out_of_range(quantity: str, value: float, unit: str, limit: str, remedy: str) -> InvalidInputError:

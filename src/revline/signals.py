@@ -5,6 +5,7 @@ needs no new kernel. A term is smooth between its breakpoints; which piece holds
 the piece, so that a value at a jump can be asked for from either side.
 """
 
+import itertools
 import math
 from dataclasses import dataclass, field
 from enum import IntEnum
@@ -21,6 +22,9 @@ CYCLE_START = 0.1
 
 PULSE_SHARE = 0.1
 """Part of each period in which the pulse cycle is up. Source: Lee (1995), chapter 3."""
+
+MOST_PERIODS = 1_000_000
+"""Periods of a test cycle in one run beyond which it is refused: the list of its edges would fill the memory."""
 
 NEVER = 9
 """Order of a breakpoint that is none."""
@@ -83,7 +87,7 @@ class Signal:
         return tuple(Breakpoint(time, found[time]) for time in sorted(found))
 
     def range(self) -> tuple[float, float]:
-        """Bounds that the signal does not leave."""
+        """Bounds that the signal never leaves, at no cost; a sum of terms that are not at their largest at once stays well within them."""
         low = high = 0.0
         for term in self.terms:
             if term.kind is TermKind.RECORDED:
@@ -93,6 +97,20 @@ class Signal:
             else:
                 bounds = (min(term.size, 0.0), max(term.size, 0.0))
             low, high = low + bounds[0], high + bounds[1]
+        return low, high
+
+    def extremes(self, start: float, stop: float) -> tuple[float, float]:
+        """Least and largest value from start to stop, both sides of every jump included; sinusoids count with their whole amplitude."""
+        times = [start, *(point.time for point in self.breakpoints(start, stop)), stop]
+        rows = self.rows()
+        is_sine = rows[:, 0] == TermKind.SINE
+        low, high = math.inf, -math.inf
+        for left, right in itertools.pairwise(times):
+            inside = 0.5 * (left + right)
+            swing = float(np.sum(np.abs(rows[is_sine & (rows[:, 2] < inside), 1])))
+            for time in (left, right):
+                value = sum(evaluate_term(row, self.record, time, inside) for row in rows[~is_sine])
+                low, high = min(low, value - swing), max(high, value + swing)
         return low, high
 
     def __call__(self, time: float) -> float:
@@ -288,6 +306,9 @@ def _term_breakpoints(term: Term, stop: float, record: Floats) -> list[tuple[flo
     else:
         period, order, shares = term.first, 0, [0.0, PULSE_SHARE]
     count = max(0, math.ceil((stop - term.start) / period))
+    if count > MOST_PERIODS:
+        limit = f"durations whose periods are at most {MOST_PERIODS} until {stop:g} s"
+        raise out_of_range("cycle duration", term.first, "s", limit, "give a longer one, or an earlier stop time")
     return [(term.start + (k + share) * period, order) for k in range(count) for share in shares]
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from revline.equations import Equation, equation_digest, trace
-from revline.errors import InvalidInputError, out_of_range
+from revline.errors import InvalidInputError
 from revline.values import fingerprint
 
 Floats = NDArray[np.float64]
@@ -179,8 +179,10 @@ def check_range(variable: Variable, value: float) -> None:
         InvalidInputError: the value is not finite or outside `low` to `high`.
     """
     if not (math.isfinite(value) and variable.low <= value <= variable.high):
-        limit = f"{variable.low:g} to {variable.high:g} {variable.unit}"
-        raise out_of_range(variable.name, value, variable.unit, limit, "give a value in that range")
+        unit = "" if variable.unit == "1" else f" {variable.unit}"
+        limit = f"{variable.low:g} to {variable.high:g}{unit}"
+        message = f"{variable.name} = {value:g}{unit} is outside {limit}; give a value in that range"
+        raise InvalidInputError(message, quantity=variable.name, value=value, limit=limit)
 
 
 def index_of(variables: Sequence[Variable], name: str) -> int:

@@ -7,7 +7,7 @@ from revline.analysis.exact_response import find_exact_response
 from revline.analysis.trim import find_trim
 from revline.engine.lee1995 import lee1995
 from revline.equations import equation
-from revline.errors import InvalidInputError, NotConvergedError
+from revline.errors import InvalidInputError
 from revline.system import DelaySystem, Variable
 from revline.units import DEGREE
 
@@ -60,7 +60,7 @@ def output(p: Chain, x: Vector, u: Vector, zd: Vector) -> Vector:  # noqa: ARG00
     return (1.0 * zd[0],)
 
 
-def test_a_phase_that_its_own_values_cannot_tell_is_no_answer() -> None:
+def test_a_phase_that_its_own_values_cannot_tell_has_its_turns() -> None:
     states = tuple(Variable(name=f"x{k}", unit="1") for k in range(4))
     one = (Variable(name="u", unit="1"),)
     chain = DelaySystem(
@@ -78,5 +78,15 @@ def test_a_phase_that_its_own_values_cannot_tell_is_no_answer() -> None:
     trim = find_trim(chain)
     fine = find_exact_response(chain, trim, [0.1, 1, 3, 10, 100], input_name="u", output_name="u")
     assert fine.phase_deg[-1] == pytest.approx(-4.0 * np.arctan(100.0) / DEGREE - 0.1 / DEGREE, abs=1e-9)
-    with pytest.raises(NotConvergedError, match="turns too far between the 2 frequencies up to 100 rad/s to be told from the values there"):
-        find_exact_response(chain, trim, [0.01, 100.0], input_name="u", output_name="u")
+    coarse = find_exact_response(chain, trim, [0.01, 100.0], input_name="u", output_name="u")
+    assert coarse.phase_deg[-1] == pytest.approx(fine.phase_deg[-1], abs=1e-9)
+
+
+@pytest.mark.parametrize("omega", [[500.0], [0.1, 500.0], [0.001, 0.1, 1.0, 10.0, 500.0]])
+def test_an_unstable_engine_has_all_its_turns_wherever_the_grid_begins(omega: list[float]) -> None:
+    """At 5 deg a pair of unstable roots adds a turn of lead to what the lags take."""
+    engine = lee1995()
+    trim = find_trim(engine, inputs={"throttle": 5.0})
+    fine = find_exact_response(engine, trim, np.geomspace(1e-3, 500.0, 4000), **SIGNALS)
+    found = find_exact_response(engine, trim, omega, **SIGNALS)
+    assert found.phase_deg[-1] == pytest.approx(np.unwrap(np.angle(fine.values))[-1] / DEGREE, abs=1e-6)

@@ -35,7 +35,7 @@ def test_distortion_bounds_the_range(stream: Sinestream) -> None:
     assert [point.omega for point in verdict.failures] == [0.1, 2.0]
     assert verdict.text == (
         "is not linear at 2 of 4 frequencies from 0.1 to 30 rad/s: distortion is 12 % at most, at 0.1 rad/s (limit 5 %); "
-        "another line than the input's is highest at 0; it is linear from 8 to 30 rad/s"
+        "another line than the input's is highest at none of them; it is linear from 8 to 30 rad/s"
     )
 
 
@@ -45,6 +45,16 @@ def test_a_wider_limit_lets_all_pass(stream: Sinestream) -> None:
     assert verdict.failures == ()
     assert verdict.ranges == ((0.1, 30.0),)
     assert verdict.text.startswith("follows the input's frequency from 0.1 to 30 rad/s, at all 4 frequencies looked at: distortion is 12 %")
+
+
+def test_one_frequency_alone_has_its_own_words() -> None:
+    assert judge_linearity(checks=[check(2.0, 2.0, 0.01)]).text == (
+        "follows the only frequency looked at: distortion is 1 % at most, at 2 rad/s (limit 5 %)"
+    )
+    assert judge_linearity(checks=[check(2.0, 4.0, 0.01)]).text == (
+        "is not linear at the only frequency looked at: another line than the input's is highest, "
+        "distortion is 1 % at most, at 2 rad/s (limit 5 %)"
+    )
 
 
 def test_a_narrower_limit_lets_none_pass(stream: Sinestream) -> None:
@@ -84,5 +94,5 @@ def test_nothing_to_judge_by_is_refused() -> None:
 @pytest.mark.parametrize("limit", [0.0, 1.0, math.nan])
 def test_limits_outside_zero_to_one_are_refused(limit: float) -> None:
     points = (LinearityPoint(omega=1.0, distortion=0.0, follows=True),)
-    with pytest.raises(InvalidInputError, match=r"distortion_limit = .* is outside 0 to 1"):
+    with pytest.raises(InvalidInputError, match=r"distortion limit = .* of the fundamental is outside 0 to 1"):
         LinearityVerdict(points=points, distortion_limit=limit)

@@ -164,8 +164,19 @@ def test_frequencies_not_above_zero_are_refused(trim: Trim, omega: float) -> Non
 
 @pytest.mark.parametrize("omega", [1e-7, 1e8])
 def test_frequencies_that_need_too_many_steps_are_refused(trim: Trim, omega: float) -> None:
-    with pytest.raises(InvalidInputError, match=r"frequency = .* is outside what 1e\+08 steps of .* s resolve"):
+    with pytest.raises(InvalidInputError, match=r"frequency = .* is outside .* to .* rad/s, which steps of at most 0.002 s can resolve"):
         plan_mesh(omega, trim, RunSettings())
+
+
+def test_the_range_of_frequencies_that_is_told_is_that_of_what_can_be_run(trim: Trim) -> None:
+    with pytest.raises(InvalidInputError) as caught:
+        plan_mesh(1e-7, trim, RunSettings())
+    low, _, high = str(caught.value.details["limit"]).partition(" rad/s")[0].partition(" to ")
+    for omega in (1.01 * float(low), 0.99 * float(high)):
+        assert plan_mesh(omega, trim, RunSettings()).omega == omega
+    for omega in (0.99 * float(low), 1.01 * float(high)):
+        with pytest.raises(InvalidInputError, match="can resolve"):
+            plan_mesh(omega, trim, RunSettings())
 
 
 @pytest.mark.parametrize("amplitude", [0.0, -1.0, math.nan])

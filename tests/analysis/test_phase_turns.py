@@ -4,10 +4,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from revline.analysis.linearize import linearize
-from revline.analysis.phase_turns import OWN_TURNS, find_known_delay, follow_phase, read_turns, take_turns, unwrap_alone
+from revline.analysis.phase_turns import follow_phase, read_turns, take_turns, unwrap_alone
 from revline.analysis.trim import find_trim
 from revline.errors import NotConvergedError
-from revline.lti.response import FrequencyResponse
 from revline.lti.state_space import DelayStateSpace
 from revline.system import DelaySystem
 
@@ -43,15 +42,6 @@ def test_a_measured_phase_takes_the_next_turn_and_says_when_that_is_uncertain() 
     assert notes == ("phase at 3 rad/s is 115 deg from the linear model's: its number of turns is uncertain",)
 
 
-def test_the_known_delay_is_the_first_that_unwraps() -> None:
-    grid = np.linspace(1.0, 100.0, 8)
-    values = np.exp(-0.3j * grid)
-    response = FrequencyResponse(omega=grid, values=values)
-    phase = np.degrees(-0.3 * grid)
-    assert find_known_delay(response, phase, np.array([0.05, 0.3])) == (0.3, True)
-    assert find_known_delay(response, phase, np.array([0.05])) == (0.0, False)
-
-
 def test_an_output_without_linear_answer_has_no_phase(model: DelayStateSpace) -> None:
     with pytest.raises(NotConvergedError, match=r"constant does not answer force in the linear model at 0.001 rad/s"):
         follow_phase(model, [1.0, 2.0], "force", "constant")
@@ -62,19 +52,16 @@ def test_a_measured_response_takes_the_models_turns(model: DelayStateSpace) -> N
     guide = model.response(grid, "force", "straight")
     reading = read_turns(1.1 * guide.values * np.exp(0.2j), guide, model)
     assert reading.phase_deg == pytest.approx(np.degrees(0.2 - np.arctan(grid / 3.0) - 0.3 * grid))
-    assert (reading.known_delay, reading.notes) == (0.3, ())
+    assert reading.notes == ()
 
 
-def test_a_list_too_coarse_for_the_response_alone_is_noted(model: DelayStateSpace) -> None:
-    """Another three quarters of a turn than the model says."""
+def test_a_phase_far_from_the_models_is_noted(model: DelayStateSpace) -> None:
+    """Another quarter of a turn and more than the model says."""
     grid = np.array([5.0, 60.0])
     guide = model.response(grid, "force", "straight")
     reading = read_turns(guide.values * np.exp([0.0, -1.7j]), guide, model)
     assert reading.phase_deg[1] == pytest.approx(np.degrees(-1.7 - np.arctan(20.0) - 18.0))
-    assert reading.notes[0] == "phase at 60 rad/s is -97 deg from the linear model's: its number of turns is uncertain"
-    shifted = read_turns(guide.values * np.exp(-3.0j), guide, model)
-    assert shifted.phase_deg == pytest.approx(np.degrees(-3.0 - np.arctan(grid / 3.0) - 0.3 * grid))
-    assert shifted.notes[-1] == OWN_TURNS
+    assert reading.notes == ("phase at 60 rad/s is -97 deg from the linear model's: its number of turns is uncertain",)
 
 
 def test_a_model_that_hardly_answers_is_no_guide(model: DelayStateSpace) -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from revline.analysis.cycle_readings import ReadingMethod
 from revline.analysis.periodic import Excitation, RunSettings
-from revline.analysis.sinestream import Sinestream, find_sinestream
+from revline.analysis.sinestream import PartialSinestream, Sinestream, attempt_sinestream, find_sinestream
 from revline.analysis.trim import Trim, find_trim
 from revline.errors import AnalysisError, InvalidInputError, NotConvergedError, StalledError
 from revline.system import DelaySystem, Floats
@@ -53,7 +53,7 @@ def test_the_response_is_the_reading(straight: Sinestream) -> None:
         assert np.array_equal(response.values, reading.values)
         assert response.method == f"sinestream, {method.value}"
         assert (response.input_name, response.input_unit, response.output_name, response.output_unit) == ("force", "N", "straight", "m")
-        assert response.phase_deg == pytest.approx(reading.phase_deg, abs=1e-6)
+        assert response.phase_deg == pytest.approx(reading.phase_deg, abs=1e-9)
         assert np.angle(response.values) == pytest.approx(np.angle(np.exp(1j * np.radians(reading.phase_deg))))
 
 
@@ -130,6 +130,29 @@ def test_a_stall_in_any_run_is_raised(wiener: DelaySystem) -> None:
     low = find_trim(wiener, inputs={"force": -2.0})
     with pytest.raises(StalledError, match=r"under a sinusoid at 0.2 rad/s"):
         find_sinestream(wiener, low, sine_on("straight", 2.5), [0.2, 50.0])
+
+
+def test_a_frequency_that_fails_leaves_the_others(wiener: DelaySystem) -> None:
+    low = find_trim(wiener, inputs={"force": -2.0})
+    found = attempt_sinestream(wiener, low, sine_on("straight", 2.5), [0.2, 50.0, 60.0])
+    assert isinstance(found, PartialSinestream)
+    whole = find_sinestream(wiener, low, sine_on("straight", 2.5), [50.0, 60.0])
+    assert np.array_equal(found.finished.fourier.values, whole.fourier.values)
+    assert found.finished.phase_deg == pytest.approx(whole.phase_deg)
+    assert [entry.omega for entry in found.missing] == [0.2]
+    assert str(found).startswith("2 of 3 frequencies are finished; missing: 0.2 rad/s (under a sinusoid at 0.2 rad/s: stalled")
+
+
+def test_an_attempt_without_failures_is_the_whole_response(wiener: DelaySystem, trim: Trim, straight: Sinestream) -> None:
+    found = attempt_sinestream(wiener, trim, sine_on("straight"), OMEGA)
+    assert isinstance(found, Sinestream)
+    assert np.array_equal(found.fourier.values, straight.fourier.values)
+
+
+def test_an_attempt_that_finishes_nothing_raises(wiener: DelaySystem) -> None:
+    low = find_trim(wiener, inputs={"force": -2.0})
+    with pytest.raises(StalledError, match=r"under a sinusoid at 0.1 rad/s"):
+        attempt_sinestream(wiener, low, sine_on("straight", 2.5), [0.1, 0.2])
 
 
 def test_no_workers_are_refused(wiener: DelaySystem, trim: Trim) -> None:

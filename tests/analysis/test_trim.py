@@ -197,6 +197,30 @@ def test_output_that_cannot_be_met_is_named(linear: DelaySystem) -> None:
         find_trim(system, outputs={"shown": 3.0}, free=("force",))
 
 
+def test_a_target_out_of_reach_names_what_is_reached(engine: DelaySystem, linear: DelaySystem) -> None:
+    """The engine's speed at full throttle; and x = u / 1.5 with a force of 5 N at most, where a search to 10 m goes further."""
+    with pytest.raises(
+        NoTrimError, match=r"the nearest steady state met has engine_speed = 825.947 rad/s, at throttle = \d+ deg"
+    ) as caught:
+        find_trim(engine, outputs={"engine_speed": 850.0}, free=("throttle",))
+    assert caught.value.details["nearest"] == pytest.approx(825.9470938506817, rel=1e-9)
+    with pytest.raises(NoTrimError, match=r"the nearest steady state met has position = 3.33333 m, at force = 5 N") as caught:
+        find_trim(linear, outputs={"position": 4.0}, free=("force",))
+    assert caught.value.details["nearest"] == pytest.approx(5.0 / 1.5)
+
+
+def test_a_target_that_no_steady_state_exists_for_names_none(endless: DelaySystem) -> None:
+    with pytest.raises(NoTrimError) as caught:
+        find_trim(endless, outputs={"position": 1.0}, free=("force",))
+    assert "nearest" not in caught.value.details
+
+
+def test_a_standstill_is_named_once(engine: DelaySystem) -> None:
+    with pytest.raises(NoTrimError) as caught:
+        find_trim(engine, outputs={"engine_speed": 0.0}, free=("throttle",))
+    assert str(caught.value).count("left out") == 1
+
+
 def test_states_free_to_rest_anywhere_are_refused(idle: DelaySystem) -> None:
     with pytest.raises(NoTrimError, match="steady states are not isolated"):
         find_trim(idle)

@@ -50,6 +50,18 @@ def test_trim_by_speed_finds_the_throttle_under_a_load(revline: Command) -> None
     assert by_speed["load_n_m"] == 10.0
 
 
+def test_a_trim_beyond_saturation_says_that_the_throttle_does_nothing(revline: Command) -> None:
+    done = revline("trim", "--throttle", 80, "--json")
+    record = json.loads(done.out)
+    assert record["gain_rad_s_per_deg"] == 0.0
+    assert record["warnings"][0] == "rate of manifold_pressure does not answer to throttle here: a limit is active"
+    assert f"warning: {record['warnings'][0]}" in done.err
+
+
+def test_a_speed_out_of_reach_names_the_nearest(revline: Command) -> None:
+    assert "the nearest steady state met has engine_speed = 825.947 rad/s" in revline("trim", "--speed", 850).err
+
+
 def test_an_unstable_trim_is_named(revline: Command) -> None:
     done = revline("trim", "--throttle", 5, "--json")
     record = json.loads(done.out)
@@ -92,6 +104,7 @@ def test_map_writes_its_table_and_names_where_it_ends(revline: Command, tmp_path
     assert [row["speed_rad_s"] for row in record["steady_map"]] == [float(row["speed_rad_s"]) for row in rows]
     assert [row["stable"] for row in record["steady_map"][:3]] == [False, False, True]
     assert record["ends"][0]["throttle_deg"] == pytest.approx(3.99, abs=0.01)
+    assert record["ends"][0]["speed_rad_s"] == pytest.approx(10.0, abs=1e-4)
     assert "warning: no steady state below throttle = 3.99" in done.err
     assert path.read_text().startswith("# engine: lee1995\n# load_n_m: 0.0\nthrottle_deg,speed_rad_s,pressure_kpa,")
 
@@ -99,7 +112,7 @@ def test_map_writes_its_table_and_names_where_it_ends(revline: Command, tmp_path
 @pytest.mark.parametrize(
     ("arguments", "status", "message"),
     [
-        (("--from", 30, "--to", 20), 2, "values of throttle do not rise strictly"),
+        (("--from", 30, "--to", 20), 2, "--from 30 is not below --to 20: the angles must rise; give the lower one first"),
         (("--from", 20, "--to", 100), 2, "throttle = 100 deg is outside 0 to 90 deg"),
         (("--from", 0, "--to", 2, "--points", 3), 1, "no steady state at any throttle"),
         (("--out", "absent/map.csv"), 2, "its folder absent does not exist; make it first"),
@@ -142,3 +155,21 @@ def test_a_linear_model_at_a_limit_warns(revline: Command) -> None:
     assert done.status == 0
     assert "warning: " in done.err
     assert "throttle" in done.err
+
+
+def test_a_printed_vector_reads_back_as_the_engine(revline: Command, tmp_path: Path) -> None:
+    path = tmp_path / "mine.vec"
+    path.write_text(revline("engines", "lee1995", "--vector").out)
+    assert revline("engines", path).out.replace('name = "mine"', 'name = "lee1995"') == revline("engines", "lee1995").out
+    numbers = json.loads(revline("engines", path, "--vector", "--json").out)["vector"]
+    assert (len(numbers), numbers[7], numbers[12], numbers[23]) == (24, -3.1e4, 0.0, 0.1454)
+
+
+def test_a_vector_says_what_it_cannot_hold(revline: Command, tmp_path: Path) -> None:
+    path = tmp_path / "high.toml"
+    path.write_text(revline("engines", "lee1995").out.replace("ambient_pressure = 100.0", "ambient_pressure = 95.0"))
+    done = revline("engines", path, "--vector")
+    assert done.status == 0
+    assert "warning: throttle.ambient_pressure = 95.0 kPa is not in the vector: reading it back gives 100.0 kPa" in done.err
+    assert "cannot hold the generic efficiency" in revline("engines", "lee1995-generic", "--vector").err
+    assert revline("engines", "--vector").status == 2

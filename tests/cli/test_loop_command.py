@@ -116,3 +116,32 @@ def test_files_that_do_not_fit_a_loop_are_refused(revline: Command, g1: Path, c1
     done = revline("loop", tmp_path / "feed.json", write_controller(tmp_path / "c.json", 1.0, 1.0, 0.0))
     assert done.status == 2
     assert "Traceback" not in done.err
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--load", 20), "--engine and --load place a linear model at an engine's trim; give --throttle too"),
+        (("--engine", "lee1995-generic"), "--engine and --load place a linear model"),
+        (("--low", 10), "--low and --high limit an engine's throttle"),
+    ],
+)
+def test_no_option_is_dropped_for_a_model(options: tuple[object, ...], message: str, revline: Command, g1: Path, c1: Path) -> None:
+    done = revline("loop", g1, c1, *options)
+    assert (done.status, done.out) == (2, "")
+    assert message in done.err
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--low", -5), "--low = -5 deg is outside 0 to 90 deg"),
+        (("--high", 120), "--high = 120 deg is outside 0 to 90 deg"),
+        (("--low", 50, "--high", 40), "--low = 50 deg is not below --high = 40 deg"),
+        (("--low", 30), "the output at the trim, 25 deg, lies outside the limits 30 to 79.46 deg"),
+    ],
+)
+def test_limits_that_no_throttle_reaches_are_refused(options: tuple[object, ...], message: str, revline: Command, c1: Path) -> None:
+    done = revline("loop", c1, "--throttle", 25, *options)
+    assert (done.status, done.out) == (2, "")
+    assert message in done.err

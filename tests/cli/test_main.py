@@ -14,8 +14,9 @@ from typer.testing import CliRunner
 import revline as package
 from revline import __version__
 from revline.cli import COMMANDS, app, model_commands, run
-from revline.cli.model_commands import DelayChoice, WeightChoice
+from revline.cli.model_commands import DelayChoice, ObjectiveChoice, WeightChoice
 from revline.cli.response_command import MethodChoice
+from revline.design.fine_tuning import Objective
 from revline.design.fit import DelayRule, Weight
 from revline.design.rules import TUNING_RULES
 
@@ -91,6 +92,7 @@ def test_what_the_command_line_itself_refuses_exits_2(arguments: tuple[str, ...]
 def test_choices_are_those_of_the_methods() -> None:
     assert get_args(DelayChoice) == tuple(rule.value for rule in DelayRule)
     assert get_args(WeightChoice) == tuple(weight.value for weight in Weight)
+    assert get_args(ObjectiveChoice) == tuple(objective.value for objective in Objective)
     assert set(get_args(MethodChoice)) == {"peaks", "fourier", "exact"}
 
 
@@ -200,3 +202,17 @@ def test_run_leaves_the_process_alone() -> None:
     before = warnings.showwarning
     assert run(["--version"]) == 0
     assert warnings.showwarning is before
+
+
+@pytest.mark.filterwarnings("always::RuntimeWarning")
+@pytest.mark.parametrize(("words", "count"), [((), 1), (("--quiet",), 0), (("-q",), 0)])
+def test_quiet_leaves_out_the_libraries_warnings_too(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], count: int
+) -> None:
+    def engine_names() -> tuple[str, ...]:
+        warnings.warn("no folder can be written", RuntimeWarning, stacklevel=1)
+        return ("lee1995",)
+
+    monkeypatch.setattr("revline.io.engine_files.engine_names", engine_names)
+    assert run(["engines", "lee1995", *words]) == 0
+    assert capsys.readouterr().err.count("warning: no folder can be written (RuntimeWarning)") == count

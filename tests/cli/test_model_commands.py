@@ -145,3 +145,19 @@ def test_what_tune_refuses(arguments: tuple[object, ...], message: str, revline:
 def test_a_file_of_another_kind_is_refused(revline: Command, c1: Path, tmp_path: Path) -> None:
     assert "its schema is 'revline.controller/1'" in revline("tune", c1, "--rule", "ziegler-nichols").err
     assert "cannot be read" in revline("tune", tmp_path / "absent.json", "--rule", "ziegler-nichols").err
+
+
+def test_fine_tuning_from_a_controller_file(revline: Command, table: Path, tmp_path: Path) -> None:
+    g2d, start, out = tmp_path / "g2d.json", tmp_path / "start.json", tmp_path / "c2d.json"
+    revline("fit", table, "--zeros", 0, "--poles", 2, "--delay", "phase-line", "--out", g2d, "-q")
+    start.write_text('{"kp": 1.2, "ki": 2.0, "kd": 0.1}')
+    wishes = ("--start", start, "--objective", "load-error", "--overshoot-limit", 0.09)
+    done = revline("tune", g2d, "--rule", "fine-tuning", *wishes, "--out", out)
+    assert done.status == 0
+    assert "minimised the integrated error after a unit step of a load" in done.out
+    gains = read_controller(out).gains
+    assert 2.1 < gains.ki < 2.25
+    assert (gains.kp, gains.kd, gains.rule, gains.designed_on) == (1.2, 0.1, "fine-tuning", "g2d")
+    refused = revline("tune", g2d, "--rule", "fine-tuning", "--free", "kq")
+    assert (refused.status, refused.out) == (2, "")
+    assert "gain kq cannot be tuned" in refused.err

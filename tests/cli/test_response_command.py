@@ -1,8 +1,11 @@
 import json
+import math
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
 
+from revline.cli.shell import Shell
 from revline.io.response_files import read_response
 
 from .conftest import Command
@@ -47,11 +50,12 @@ def test_sinusoids_give_the_converged_fundamental_and_a_file_to_fit(revline: Com
         (("--frequencies", "1,1"), 2, "frequency 1 rad/s follows 1 rad/s"),
         (("--frequencies", "1,,2"), 2, "an empty entry is no finite number"),
         (("--frequencies", "1,x"), 2, "'x' is no finite number"),
-        (("--frequencies", "1e9"), 2, "frequency = 1e+09 rad/s is outside what"),
+        (("--frequencies", "1e9"), 2, "frequency = 1e+09 rad/s is outside 0.000628 to 9.61e+05 rad/s"),
         (("--frequencies-file", "absent.csv"), 2, "cannot read absent.csv"),
         (("--frequencies", "1", "--amplitude", 0), 2, "sine amplitude = 0"),
         (("--frequencies", "1", "--amplitude", 70), 2, "goes too far: throttle = -45 deg is outside 0 to 90 deg"),
-        (("--frequencies", "1", "--time-step", -1), 2, "max_step = -1 s is outside"),
+        (("--frequencies", "1", "--time-step", -1), 2, "--time-step = -1 s is outside"),
+        (("--frequencies", "1", "--distortion-limit", 1), 2, "distortion limit = 1 of the fundamental is outside 0 to 1"),
         (("--frequencies", "1", "--out", "absent/r.csv"), 2, "its folder absent does not exist"),
         (("--frequencies", "1", "--load", 500), 1, "no trim at"),
     ],
@@ -71,3 +75,76 @@ def test_an_unstable_trim_answers_no_sinusoid_but_has_an_exact_response(revline:
     exact = revline(*arguments, "--method", "exact")
     assert exact.status == 0
     assert "warning: the engine is open-loop unstable here" in exact.err
+
+
+@pytest.mark.parametrize("omega", ["500", "0.1,500"])
+def test_an_unstable_trims_exact_response_has_its_turns_wherever_it_begins(revline: Command, tmp_path: Path, omega: str) -> None:
+    """At 5 deg: -(5.48 / 16.903) 500 rad of lag of the charge, and what the engine itself turns, less a turn by its unstable pair."""
+    path = tmp_path / "exact.csv"
+    done = revline("response", "--throttle", 5, "--frequencies", omega, "--method", "exact", "--json", "--out", path)
+    phase = json.loads(done.out)["frequency_response"][-1]["phase_deg"]
+    assert phase + math.degrees(500.0 * 5.48 / 16.90303) == pytest.approx(180.0, abs=5.0)
+    assert read_response(path).response.phase_deg[-1] == pytest.approx(phase, abs=1e-6)
+
+
+def test_what_the_exact_response_cannot_show_is_said(revline: Command) -> None:
+    done = revline("response", "--throttle", 79, "--frequencies", 1, "--method", "exact", "--amplitude", 12)
+    assert "warning: the amplitude of 12 deg only scales this response: so large a sinusoid would leave 0 to 90 deg" in done.err
+    saturated = 91.06 / 1.14459
+    below = revline("response", "--throttle", saturated - 1e-9, "--frequencies", 1, "--method", "exact")
+    assert "warning: rate of manifold_pressure has a kink in throttle here" in below.err
+
+
+def test_the_verdict_on_linearity_stands_below_the_response(revline: Command) -> None:
+    arguments = ("response", "--throttle", 25, "--frequencies", "5,20", "--method", "fourier")
+    assert "the speed follows the input's frequency from 5 to 20 rad/s" in revline(*arguments).out
+    verdict = json.loads(revline(*arguments, "--distortion-limit", 0.03, "--json").out)["linearity"]
+    assert (verdict["follows"], verdict["ranges_rad_s"], verdict["largest_at_rad_s"]) == (False, [[20.0, 20.0]], 5.0)
+    assert verdict["largest_distortion"] == pytest.approx(0.0366, abs=1e-4)
+
+
+def test_a_frequency_that_fails_leaves_the_others_and_says_so(revline: Command, tmp_path: Path) -> None:
+    """10 +- 5 deg stalls the engine near 2 rad/s, not at 0.5 or 50."""
+    path = tmp_path / "part.csv"
+    arguments = ("response", "--throttle", 10, "--amplitude", 5, "--frequencies", "0.1,2,50", "--method", "fourier", "--out", path)
+    done = revline(*arguments, "--json")
+    assert done.status == 1
+    record = json.loads(done.out)
+    assert [row["frequency_rad_s"] for row in record["frequency_response"]] == [0.1, 50.0]
+    assert record["partial"] is True
+    assert record["missing"][0]["frequency_rad_s"] == 2.0
+    assert "linearity" not in record
+    assert "the response is partial: 2 of 3 frequencies are finished; missing: 2 rad/s (under a sinusoid at 2 rad/s: stalled" in done.err
+    assert f"{path} holds the finished part" in done.err
+    fitted = revline("fit", path, "--zeros", 0, "--poles", 1)
+    assert fitted.status == 0
+    assert "is partial: 2 of 3 frequencies are finished" in fitted.err
+
+
+def test_what_an_interruption_finds_finished_is_written(revline: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The dearest frequency, the lowest, runs first; the interruption comes when it is finished."""
+
+    def interrupt(done: float) -> None:
+        assert done == pytest.approx(1.0 / 3.0)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Shell, "progress", lambda *_: nullcontext(interrupt))
+    path = tmp_path / "part.csv"
+    done = revline("response", "--throttle", 25, "--frequencies", "0.1,5,50", "--workers", 1, "--method", "fourier", "--out", path)
+    assert done.status == 1
+    assert "1 of 3 frequencies are finished; missing: 5 rad/s (interrupted); 50 rad/s (interrupted)" in done.err
+    assert read_response(path).response.magnitude == pytest.approx([60.00558 / 5.0], rel=1e-6)
+    assert "# partial: 1 of 3 frequencies are finished" in path.read_text()
+
+
+def test_an_interruption_before_anything_is_finished_writes_nothing(
+    revline: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("revline.analysis.sinestream.run_until_periodic", interrupt)
+    path = tmp_path / "part.csv"
+    done = revline("response", "--throttle", 25, "--frequencies", "1,5", "--out", path)
+    assert (done.status, path.exists()) == (1, False)
+    assert "interrupted" in done.err

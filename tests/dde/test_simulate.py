@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from revline import signals
-from revline.dde.simulate import Options, Start, simulate
+from revline.dde.simulate import Options, Start, Trajectory, resume, simulate
 from revline.engine.lee1995 import lee1995
-from revline.errors import DivergedError, InvalidInputError, LagError, SimulationError, StalledError
+from revline.errors import DivergedError, InvalidInputError, LagError, SimulationError, StalledError, StoppedError
 from revline.system import DelaySystem, Variable
 from tests.dde.probe import Probe, probe, start
 
@@ -254,3 +254,34 @@ def test_long_runs_meet_breakpoints_where_time_is_coarse() -> None:
     run = simulate(probe(Probe(decay=1.0, feed=1.0, lag=0.25)), start(time=begin), {"u": shifted}, until=begin + 2.0, step=0.01)
     exact = (1.0 - math.exp(-0.2)) * math.exp(-(2.0 - 0.75))
     assert run.states[-1, 0] == pytest.approx(exact, rel=1e-6)
+
+
+def test_a_sinusoid_that_the_step_cannot_follow_is_refused() -> None:
+    """It would pass for a slower one: at 20 pi rad/s and a step of 0.1 s, for none."""
+    fast = {"u": signals.sine(1.0, 20.0 * math.pi)}
+    message = (
+        r"^sine frequency of u = 62\.8319 rad/s is outside what a step of 0\.1 s resolves, up to 10 rad/s; give a step of at most 0\.0159 s"
+    )
+    with pytest.raises(InvalidInputError, match=message):
+        simulate(probe(Probe(decay=1.0, direct=1.0)), start(), fast, until=1.0, step=0.1)
+    simulate(probe(Probe(decay=1.0, direct=1.0)), start(), fast, until=1.0, step=0.0159)
+
+
+def test_a_run_that_is_stopped_keeps_what_there_is_and_goes_on() -> None:
+    system, given = probe(Probe(decay=1.0, feed=0.5, direct=1.0)), {"u": signals.pulse_cycle(1.0, 0.7)}
+    asked = iter([False, False, True])
+    options = Options(every=7, chunk=100, stopped=lambda: next(asked))
+    with pytest.raises(StoppedError, match=r"^probe at t = 3 s of 9 s, stopped from outside$") as caught:
+        simulate(system, start(1.0), given, until=9.0, step=0.01, options=options)
+    part = caught.value.run
+    assert isinstance(part, Trajectory)
+    rest = resume(system, given, part.checkpoint, until=9.0)
+    whole = simulate(system, start(1.0), given, until=9.0, step=0.01, options=Options(every=7))
+    assert len(part.times) == 43
+    assert np.concatenate([part.states, rest.states]).tobytes() == whole.states.tobytes()
+
+
+def test_a_run_that_is_done_is_not_stopped() -> None:
+    run = simulate(probe(), start(), {}, until=1.0, step=0.01, options=Options(stopped=lambda: True))
+    assert run.times[-1] == pytest.approx(1.0)
+    assert run.end == tuple(run.states[-1])

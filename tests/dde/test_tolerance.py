@@ -63,7 +63,7 @@ def test_an_engine_at_rest_is_no_matter_of_rounding() -> None:
     assert len(found.steps) == 2
 
 
-def test_an_output_that_is_nothing_agrees_with_itself() -> None:
+def test_a_state_that_is_nothing_agrees_with_itself() -> None:
     run = simulate_to_tolerance(probe(), start(), {}, until=1.0, interval=0.5).trajectory
     assert compare_runs(run, run) == 0.0
 
@@ -76,7 +76,7 @@ def test_a_stop_time_between_samples_is_moved_on_with_a_note() -> None:
 
 def test_runs_that_do_not_agree_say_by_how_much(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("revline.dde.tolerance.MOST_STEPS", 100_000)
-    message = r"^runs of probe to t = 4 s still differ by \S+ of an output's range at step = \S+ s \(limit 1e-16\); give a larger tolerance"
+    message = r"^runs of probe to t = 4 s still differ by \S+ of a state's range at step = \S+ s \(limit 1e-16\); give a larger tolerance"
     with pytest.raises(NotConvergedError, match=message):
         run_loop(1e-16)
 
@@ -91,11 +91,17 @@ def test_what_ends_a_run_ends_the_search() -> None:
     [
         ({"interval": 0.0}, r"^sample interval = 0 s is outside values above 0; give one such as 0\.01$"),
         ({"interval": math.nan}, r"^sample interval = nan s"),
-        ({"tolerance": 0.0}, r"^tolerance = 0 of each output's range is outside 0 to 1; give one such as 1e-06$"),
+        ({"tolerance": 0.0}, r"^tolerance = 0 of each state's range is outside 0 to 1; give one such as 1e-06$"),
         ({"tolerance": math.nan}, r"^tolerance = nan of each"),
         ({"until": -1.0}, r"^stop time = -1 s is outside values after the start at 0 s"),
+        ({"until": math.inf}, r"^stop time = inf s is outside values after the start at 0 s"),
+        (
+            {"until": 1e9},
+            r"^a run to t = 1e\+09 s takes 2e\+10 steps at step = 0\.05 s, which the inputs and lags ask for, and at most 2e\+08 are",
+        ),
     ],
 )
 def test_wrong_wishes_are_refused(changes: dict[str, float], message: str) -> None:
+    wishes = {"until": 1.0, "interval": 0.1, "tolerance": 1e-6, **changes}
     with pytest.raises(InvalidInputError, match=message):
-        simulate_to_tolerance(probe(), start(), {}, **{"until": 1.0, "interval": 0.1, **changes})
+        simulate_to_tolerance(probe(), start(), {}, until=wishes["until"], interval=wishes["interval"], tolerance=wishes["tolerance"])

@@ -340,3 +340,29 @@ def test_the_linear_plant_is_a_system_like_any_other() -> None:
     limited = run_loop(plant, rest, law, task, wires=OF_LINEAR_MODEL, limits=Limits(24.0, 60.0))
     assert (run.control.max() > 90.0, limited.control.max()) == (True, 60.0)
     assert 0.0 < limited.saturated_share < 0.1
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.02], ids=["formula", "simulated"])
+def test_a_creeping_loop_does_not_count_as_at_rest(delay: float) -> None:
+    """With ki = 1e-6 the loop's time constant is 83,000 s: within 20 s it moves by 2e-4 of the command, and rests nowhere there."""
+    model = TransferFunction(numerator=(12.0,), denominator=(1.0, 0.5), delay=delay, input_unit="deg", output_unit="rad/s")
+    gains = PidGains(kp=0.0, ki=1e-6, kd=0.0, input_unit="rad/s", output_unit="deg", rule="test", designed_on="test")
+    with pytest.raises(NotSettledError, match=r"can rest at 60 rad/s only: it still creeps there") as caught:
+        run_linear_loop(model, gains, LoopTask(command=60.0, until=20.0), name="lag")
+    assert caught.value.details["end"] == pytest.approx(60.0)
+
+
+def test_a_loop_that_rests_off_its_target_for_good_still_settles() -> None:
+    """A zero at the origin keeps integral action from the target: s/(1 + s)^2 under 2/s rests at 2/3 of the command."""
+    model = TransferFunction(numerator=(0.0, 1.0), denominator=(1.0, 2.0, 1.0), input_unit="deg", output_unit="rad/s")
+    gains = PidGains(kp=0.0, ki=2.0, kd=0.0, input_unit="rad/s", output_unit="deg", rule="test", designed_on="test")
+    run = run_linear_loop(model, gains, LoopTask(command=60.0, until=40.0), name="washout")
+    assert isinstance(run.outcome, Settled)
+    assert run.outcome.value == pytest.approx(40.0, abs=1e-6)
+    still = run_linear_loop(
+        TransferFunction(numerator=(3.0,), denominator=(0.0, 1.0), input_unit="deg", output_unit="rad/s"),
+        gains.scaled(ki=0.0),
+        LoopTask(command=60.0, until=4.0),
+        name="integrator",
+    )
+    assert isinstance(still.outcome, Settled)

@@ -139,3 +139,17 @@ def test_arguments_are_checked(options: dict[str, object], message: str) -> None
     arguments: dict[str, object] = {"overshoot_limit": 0.09, **options}
     with pytest.raises(InvalidInputError, match=message):
         fine_tune(G2D, gains(1.2, 2.4, 0.0), **arguments)  # type: ignore[arg-type] # what is wrong is the test
+
+
+def test_a_gain_at_the_edge_of_its_range_is_named() -> None:
+    """On G2, which has no delay, proportional and derivative gain together know no bound: the search ends at its edge and says so."""
+    tuned = fine_tune(G2, gains(1.6, 19.0, 0.033), overshoot_limit=0.1, free=("kp", "kd"))
+    assert tuned.at_edge == ("kp",)
+    assert tuned.gains.kp == pytest.approx(160.0, rel=1e-3)
+    assert "kp = 160: at the edge of the range sought, 100 times the start" in tuned.text
+    assert "this is no optimum" in tuned.text
+
+
+def test_an_optimum_inside_has_no_gain_at_the_edge(three: FineTuning) -> None:
+    assert three.at_edge == ()
+    assert "edge" not in three.text

@@ -138,7 +138,8 @@ def test_the_verdicts_of_the_thesis(fits: dict[str, ModelFit]) -> None:
 def test_limits_are_arguments(fits: dict[str, ModelFit]) -> None:
     assert not judge_model(fits["g2d"], phase_limit_deg=5.0).accepted
     assert not judge_model(fits["g2d"], magnitude_limit_db=1.0).accepted
-    assert not judge_model(fits["g2d"], dominance_ratio=5.0).accepted
+    assert "poles 6.7 times as fast" in judge_model(fits["g2"], dominance_ratio=5.0).text
+    assert "times as fast as the slowest one (limit" not in judge_model(fits["g2"]).text
     assert judge_model(fits["g4"], dominance_ratio=50.0, magnitude_limit_db=10.0).accepted
     narrow = judge_model(fits["g1"], magnitude_limit_db=0.01)
     assert narrow.numbers["usable_to_rad_s"] == 0.0
@@ -177,3 +178,44 @@ def test_the_fewest_poles_win_among_accepted_models() -> None:
 def test_a_verdict_cannot_contradict_itself() -> None:
     with pytest.raises(InvalidInputError, match="accepted = True contradicts its 1 objections"):
         Verdict(accepted=True, objections=("late",), text="", numbers={})
+
+
+def test_a_zero_at_the_origin_is_not_taken_for_one_in_the_right_half_plane() -> None:
+    """3 s/(1 + s)^2: the fit's zero lies at +- 1e-11 rad/s by rounding, and no delay of 1e11 s says the same."""
+    verdict = judge_model(fit_of(TransferFunction(numerator=(0.0, 3.0), denominator=(1.0, 2.0, 1.0))))
+    assert verdict.accepted
+
+
+def test_a_pole_that_a_zero_cancels_is_named() -> None:
+    """Table 4.1 has no fourth pole to show: with three zeros and four poles one pair cancels, in the right half plane."""
+    verdict = judge_model(fit_transfer_function(read_response(TABLE).response, zeros=3, poles=4))
+    assert any("the pole at s = 1.13 1/s is nearly cancelled by a zero" in reason for reason in verdict.objections)
+    assert any(
+        "the zero at s = 1.139 1/s lies in the right half plane and limits any controller" in reason for reason in verdict.objections
+    )
+    assert "would say the same" not in verdict.text
+
+
+def test_a_pole_far_beyond_the_data_is_named() -> None:
+    response = TransferFunction(numerator=(2.0,), denominator=(1.0, 0.5, 5e-6)).response(np.geomspace(0.05, 60.0, 30))
+    verdict = judge_model(fit_transfer_function(response, zeros=0, poles=2))
+    assert "lies far beyond the data, which end at 60 rad/s; fit fewer poles" in verdict.text
+
+
+def test_neighbouring_poles_and_zeros_further_apart_are_left_alone() -> None:
+    """Controls: 10 % between pole and zero, and a pole 50 times the highest frequency, draw no objection to either."""
+    apart = judge_model(fit_of(TransferFunction(numerator=(2.0, 2.0 / 3.3), denominator=(1.0, 1.0 / 3.0))))
+    assert apart.accepted
+    assert "poles at most" not in apart.text
+    fast = judge_model(fit_of(TransferFunction(numerator=(2.0,), denominator=(1.0, 1.0 / 3000.0))))
+    assert "far beyond" not in fast.text
+
+
+def test_a_fast_pole_stands_in_for_a_delay_only_where_there_is_none() -> None:
+    """Poles at -2 and -24 with a delay of 36 ms, as an engine with more inertia has: the plant's own, and no reason against its model."""
+    plant = TransferFunction(numerator=(12.0,), denominator=(1.0, 0.5417, 0.02083), delay=0.036)
+    exact = judge_model(fit_transfer_function(plant.response(OMEGA), zeros=0, poles=2, delay=DelayRule.FREE))
+    assert exact.accepted
+    assert exact.numbers["fastest_pole_ratio"] == pytest.approx(12.0, rel=0.01)
+    prompt = judge_model(fit_transfer_function(plant.with_delay(0.0).response(OMEGA), zeros=0, poles=2))
+    assert "poles 12.0 times as fast as the slowest one (limit 9) add little but phase lag" in prompt.text

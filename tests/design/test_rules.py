@@ -3,8 +3,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from revline.design.controller import PidGains
 from revline.design.rules import (
     TUNING_RULES,
+    RuleValue,
     find_tuning_rule,
     tune_by_rule,
     tune_pi_pole_placement,
@@ -148,3 +150,31 @@ def test_unknown_rules_and_options_are_refused() -> None:
         tune_by_rule("pole-placement", G1, options={"natural_frequency": 18.85}, designed_on="g1")
     with pytest.raises(InvalidInputError, match=r"ziegler-nichols knows no option damping; it takes none"):
         tune_by_rule("ziegler-nichols", G2, options={"damping": 1.0}, designed_on="g2")
+
+
+def test_fine_tuning_is_a_rule_and_says_what_it_minimised() -> None:
+    start = tune_by_rule("ziegler-nichols", G2D, options={}, designed_on="g2d")
+    tuned = tune_by_rule("fine-tuning", G2D, options={}, designed_on="g2d")
+    assert (tuned.rule, tuned.designed_on, tuned.kp, tuned.kd) == ("fine-tuning", "g2d", start.kp, start.kd)
+    assert (tuned.details["start_rule"], tuned.details["start_ki"]) == ("ziegler-nichols", start.ki)
+    assert str(tuned.details["summary"]).startswith("minimised the integral of the absolute error after a unit step of the command over ki")
+    assert tuned.details["overshoot"] == pytest.approx(0.1, abs=1e-5)
+
+
+@pytest.mark.reference
+def test_fine_tuning_from_c2d_by_rule_lies_between_the_two_gains_known() -> None:
+    """Lee (1995), section 5.4, recomputed: ki 2.0 overshoots 8.1 %, 2.5 10.7 %; 10 % lies between."""
+    start = PidGains(kp=1.2, ki=2.0, kd=0.1, input_unit="rad/s", output_unit="deg", rule="by hand", designed_on="not stated")
+    options: dict[str, RuleValue] = {"start": start, "objective": "load-error", "overshoot_limit": 0.1, "free": "ki", "horizon": 4.0}
+    tuned = tune_by_rule("fine-tuning", G2D, options=options, designed_on="g2d")
+    assert (tuned.kp, tuned.kd, tuned.designed_on) == (1.2, 0.1, "g2d")
+    assert 2.3 < tuned.ki < 2.45
+
+
+def test_what_fine_tuning_refuses_by_name() -> None:
+    with pytest.raises(InvalidInputError, match=r"knows no objective 'speed'; it minimises setpoint-error or load-error"):
+        tune_by_rule("fine-tuning", G2D, options={"objective": "speed"}, designed_on="g2d")
+    with pytest.raises(InvalidInputError, match=r"option overshoot_limit = 'ten' is no number"):
+        tune_by_rule("fine-tuning", G2D, options={"overshoot_limit": "ten"}, designed_on="g2d")
+    with pytest.raises(InvalidInputError, match=r"gain kq cannot be tuned"):
+        tune_by_rule("fine-tuning", G2D, options={"free": "kp, kq"}, designed_on="g2d")

@@ -117,6 +117,18 @@ def test_writing_then_reading_gives_the_same_bits(
     assert (found.response.input_name, found.response.output_name, found.input_amplitude) == ("input", "speed", amplitude)
 
 
+def test_turns_that_are_known_are_kept_where_the_grid_cannot_show_them(tmp_path: Path) -> None:
+    path, omega = tmp_path / "response.csv", np.array([100.0, 900.0])
+    response = FrequencyResponse(omega=omega, values=np.exp(-0.1j * omega), turns=np.array([-2, -14]))
+    assert response.phase_deg == pytest.approx(np.degrees(-0.1 * omega))
+    write_response(path, response, amplitude=1.0)
+    found = read_response(path)
+    assert found.response.phase_deg.tolist() == response.phase_deg.tolist()
+    assert found.notes == ()
+    path.write_text(path.read_text().replace("# phase_turns: counted\n", ""))
+    assert read_response(path).response.phase_deg[0] == pytest.approx(np.degrees(-10.0) + 720.0)
+
+
 def test_what_is_written_names_its_units(tmp_path: Path) -> None:
     path = tmp_path / "response.csv"
     write_response(path, SOME, amplitude=2.0)
@@ -196,3 +208,24 @@ def test_what_cannot_be_written_is_refused(tmp_path: Path) -> None:
     ):
         write_response(tmp_path / "absent" / "response.csv", SOME, amplitude=5.0)
     assert not path.exists()
+
+
+OMEGA = np.geomspace(0.1, 60.0, 30)
+LAG = 12.0 * np.exp(-0.02j * OMEGA) / (1.0 + 0.55j * OMEGA + 0.034 * (1j * OMEGA) ** 2)
+
+
+def notes_of(path: Path, header: str, phases: list[float]) -> tuple[str, ...]:
+    rows = zip(OMEGA, np.abs(LAG), phases, strict=True)
+    path.write_text(f"frequency_rad_s,magnitude,{header}\n" + "".join(f"{w},{m},{p}\n" for w, m, p in rows))
+    return read_response(path).notes
+
+
+def test_a_phase_of_the_wrong_sign_or_unit_is_noted(tmp_path: Path) -> None:
+    """A lag written as a positive number, or in radians, under a header that says phase_deg; and, as controls, both rightly named."""
+    phase, path = np.unwrap(np.angle(LAG)), tmp_path / "bench.csv"
+    for header, column in (("phase_deg", np.degrees(phase)), ("phase_rad", phase), ("phase_lag_deg", -np.degrees(phase))):
+        assert notes_of(path, header, column.tolist()) == ()
+    for wrong in (-np.degrees(phase), phase):
+        (note,) = notes_of(path, "phase_deg", wrong.tolist())
+        assert "what the slope of the magnitude allows a stable system" in note
+        assert "name it phase_lag_deg, and if it holds radians phase_rad" in note

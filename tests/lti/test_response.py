@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from revline.errors import InvalidInputError
-from revline.lti.response import FrequencyResponse
+from revline.lti.response import FrequencyResponse, count_turns
 from revline.values import fingerprint
 
 
@@ -31,6 +31,16 @@ def test_phase_loses_turns_where_the_delay_is_not_known() -> None:
     """Negative control: on this grid the delay turns the phase by more than half a turn between points."""
     omega = np.array([0.1, 1.0, 10.0, 100.0])
     assert abs(response(omega, np.exp(-1j * omega)).phase_deg[-1] + np.degrees(100.0)) > 300.0
+
+
+def test_known_turns_are_added_to_the_phases_of_the_values() -> None:
+    omega = np.array([1.0, 30.0])
+    values, phases = np.exp(-1j * omega), np.degrees(-omega)
+    found = FrequencyResponse(omega=omega, values=values, turns=count_turns(values, phases))
+    assert found.turns.tolist() == [0, -5]
+    assert found.phase_deg == pytest.approx(phases, abs=1e-9)
+    with pytest.raises(InvalidInputError, match=r"2 frequencies with turns of shape \(1,\); give one number for each frequency, or none"):
+        FrequencyResponse(omega=omega, values=values, turns=np.array([1]))
 
 
 def test_a_response_cannot_change_and_does_not_lock_what_it_was_made_from() -> None:

@@ -15,7 +15,7 @@ from revline.report.curves import plot_curves
 from revline.report.figure_files import FigureTask, figure_task, render_figure, write_figures
 from revline.report.parts import Curve
 from revline.report.poles import PoleSet, plot_poles
-from revline.report.style import TIME, Quantity
+from revline.report.style import DPI, TIME, Quantity
 
 T = np.linspace(0.0, 1.0, 50)
 
@@ -164,7 +164,7 @@ def test_no_figures_are_no_work(tmp_path: Path) -> None:
 def test_rendering_leaves_the_figure_as_it_was() -> None:
     figure = plot_curves([Curve(x=T, y=T)], TIME, Quantity("speed", "rad/s"))
     first = render_figure(figure, "a")
-    assert figure.dpi == 150.0
+    assert figure.dpi == DPI
     assert render_figure(figure, "a") == first
     assert b"<dc:identifier>a</dc:identifier>" in first[1]
     assert b"Fingerprint\0a" in first[0]

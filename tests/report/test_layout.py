@@ -63,6 +63,17 @@ def test_a_check_without_tolerance_shows_none() -> None:
     assert shown_check(check(240.799, 0.0)).tolerance == "0"
 
 
+def test_what_should_be_nothing_shows_how_near_it_is() -> None:
+    """Decimals would show 0.0000000 for a residual of 1e-15, which says nothing."""
+    shown = shown_check(Check(name="residual", measured=1.23e-15, expected=0.0, tolerance=1e-6))
+    assert (shown.measured, shown.expected) == ("1.2\N{MULTIPLICATION SIGN}10⁻¹⁵", "0")
+
+
+def test_a_yes_or_no_is_a_whole_number() -> None:
+    shown = shown_check(Check(name="stable (1) or not (0)", measured=1.0, expected=1.0, tolerance=0.0))
+    assert (shown.measured, shown.expected) == ("1", "1")
+
+
 def test_checks_are_counted_in_words() -> None:
     good, bad = check(240.8), check(300.0)
     assert checks_in_words(()) == ""

@@ -20,7 +20,7 @@ def test_poles_of_each_model_have_their_own_mark(check_figure: Check) -> None:
     assert picture.holds([-2.08, -13.96], [0.0, 0.0])
     assert picture.holds([-2.05, -19.4, -42.3, -42.3], [0.0, 0.0, 56.6, -56.6])
     assert picture.legend == ["G2", "G3", "G4"]
-    assert picture.labels == [("real part (rad/s)", "imaginary part (rad/s)")]
+    assert picture.labels == [("real part (1/s)", "imaginary part (1/s)")]
     markers = [line.get_marker() for line in picture.figure.axes[0].lines if line.get_linestyle() == "None"]
     assert len(set(markers)) == 3
 

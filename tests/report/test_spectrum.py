@@ -30,11 +30,11 @@ def test_a_spectrum_shows_six_harmonics_and_the_peak(check_figure: Check) -> Non
     assert picture.holds(OMEGA[shown], LINES[shown])
     assert picture.holds([5.0], [22.001])
     assert picture.notes() == ["peak 22 rad/s at 5 rad/s"]
-    assert picture.legend == ["input frequency 5 rad/s", "multiples of it"]
+    assert picture.legend == ["input 5 rad/s", "multiples", "mean"]
     assert verticals(picture.figure) == [5.0, 10.0, 15.0, 20.0, 25.0, 30.0]
     assert picture.labels == [("frequency (rad/s)", "speed amplitude (rad/s)")]
     assert picture.figure.axes[0].get_yscale() == "log"
-    assert picture.figure.axes[0].get_xlim() == (0.0, 32.5)
+    assert picture.figure.axes[0].get_xlim() == (-0.6, 32.5)
 
 
 def test_a_peak_beyond_the_harmonics_is_shown_too(check_figure: Check) -> None:
@@ -53,7 +53,16 @@ def test_lines_of_nothing_stand_on_the_lower_edge(check_figure: Check) -> None:
 def test_many_lines_are_drawn_without_dots(check_figure: Check) -> None:
     omega = np.linspace(0.0, 30.0, 3000)
     figures = (plot(), plot(omega, np.exp(-omega) + 1e-2))
-    assert [check_figure(figure).figure.axes[0].lines[0].get_marker() for figure in figures] == ["o", "none"]
+    dotted = [sum(line.get_marker() == "o" and len(line.get_xdata()) > 1 for line in check_figure(f).figure.axes[0].lines) for f in figures]
+    assert dotted == [1, 0]
+
+
+def test_what_lies_below_the_lower_edge_has_no_mark(check_figure: Check) -> None:
+    """A mark there would be read as a line of that magnitude."""
+    lines = np.where(OMEGA == 5.0, 22.0, 0.0)
+    axes = check_figure(plot(lines=lines)).figure.axes[0]
+    marked = np.concatenate([np.asarray(line.get_ydata()) for line in axes.lines if line.get_marker() == "o"])
+    assert set(marked) == {22.0, 22.001}
 
 
 @pytest.mark.parametrize(

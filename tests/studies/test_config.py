@@ -189,3 +189,7 @@ def test_files_that_cannot_be_read_are_named(tmp_path: Path) -> None:
 def test_questions_asked_in_python_are_checked_too(options: dict[str, Any], message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
         StudyConfig(**options)
+
+
+def test_a_report_names_an_engine_file_without_this_machine_s_folders() -> None:
+    assert [StudyConfig(engine=name).engine_title for name in ("lee1995", "/somewhere/here/mine.toml")] == ["lee1995", "mine.toml"]

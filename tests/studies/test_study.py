@@ -12,17 +12,20 @@ from revline import signals
 from revline.analysis.trim import find_trim
 from revline.design.model_choice import Verdict
 from revline.design.outcome import Diverged, LimitCycle, Settled
+from revline.engine.catalogue import build_engine
 from revline.engine.lee1995 import lee1995_parameters
 from revline.errors import AnalysisError, InvalidInputError, NotConvergedError, PartialResultError, StepError
+from revline.io.engine_files import format_engine, write_engine
 from revline.io.value_files import write_value
 from revline.report.html import render_html
-from revline.studies import loop_steps, steps, writing
+from revline.studies import loop_steps, made, steps, writing
 from revline.studies.captions import CAPTIONS, SPECTRUM_FIGURES, caption, figure_rows
 from revline.studies.chain import FOLDER
 from revline.studies.checks import check_study
 from revline.studies.config import StudyConfig
 from revline.studies.figures import figure_calls
 from revline.studies.guidelines import find_limits
+from revline.studies.made import describe_making
 from revline.studies.partial import partial_document
 from revline.studies.parts import Parts
 from revline.studies.record import partial_record, study_record
@@ -75,7 +78,7 @@ def test_other_frequencies_than_the_thesis_s_are_not_checked_against_its_table(r
 
 def test_a_spectrum_s_caption_names_the_frequency_that_its_figure_shows(config: StudyConfig, results: StudyResults) -> None:
     """Figures go by rising frequency, whatever the frequencies are."""
-    calls = figure_calls(config, results)
+    calls = figure_calls(config, config.load_engine(), results)
     for number, frequency in zip(SPECTRUM_FIGURES, (0.01, 0.05, 0.5, 5.0, 20.0, 50.0), strict=True):
         assert calls[number].options["input_frequency"] == frequency
         assert caption(number, results).startswith(f"Spectrum at {frequency:g} rad/s. ")
@@ -112,7 +115,7 @@ def test_the_record_is_plain_json(config: StudyConfig, results: StudyResults) ->
 def test_every_figure_has_a_call_and_a_caption(config: StudyConfig, results: StudyResults) -> None:
     ids = {row["id"] for row in figure_rows()}
     assert len(ids) == 45
-    assert set(figure_calls(config, results)) == ids == set(CAPTIONS)
+    assert set(figure_calls(config, config.load_engine(), results)) == ids == set(CAPTIONS)
     assert all(len(caption(figure, results)) > 20 for figure in ids)
 
 
@@ -229,12 +232,12 @@ def test_no_accepted_model_and_no_straight_range_end_no_study(
     refused = Verdict(accepted=False, objections=("poor",), text="rejected: poor", numbers={})
     monkeypatch.setattr(steps, "judge_model", lambda _: refused)
     models = steps.fit_models(results.models.response)
-    assert models.chosen == ()
+    assert models.chosen == ""
     none = NoRange(tolerance=0.01, reason="bent")
     bent = dataclasses.replace(results, models=models, range=dataclasses.replace(results.range, widest=none))
     assert "widest" not in study_record(config, bent, (), (), 0.0)["operating_range"]
     warnings = list(writing.find_warnings(config, bent))
-    assert any(text.startswith("no model of the response is accepted") for text in warnings)
+    assert any(text.startswith("no fitted model passes every test") for text in warnings)
     assert "no range chosen automatically: bent" in warnings
 
 
@@ -260,6 +263,9 @@ def test_an_interrupted_study_says_so_and_goes_on(
     partial = json.loads((tmp_path / "results.json").read_text())
     assert partial["partial"] is True
     assert partial["finished_steps"] == ["operating-point"]
+    page = (tmp_path / "report.html").read_text()
+    assert "This study is not finished. Finished and kept: operating-point." in page
+    assert not (tmp_path / "report.pdf").exists()
 
     def counted(*arguments: object) -> object:
         calls.append("point")
@@ -280,6 +286,8 @@ def test_answers_to_other_questions_do_not_stay(
     (tmp_path / FOLDER).mkdir()
     write_value(tmp_path / FOLDER / writing.QUESTIONS, config)
     write_value(tmp_path / FOLDER / writing.BUNDLE, results)
+    write_value(tmp_path / FOLDER / writing.MADE, describe_making(config, config.load_engine(), results, 1.0))
+    (tmp_path / "report.pdf").write_bytes(b"of the old answers")
 
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
@@ -287,5 +295,76 @@ def test_answers_to_other_questions_do_not_stay(
     monkeypatch.setattr(writing, "compute_study", interrupted)
     with pytest.raises(PartialResultError, match="partial"):
         writing.run_study(StudyConfig(throttle_deg=26.0), tmp_path)
+    assert not (tmp_path / "report.pdf").exists()
     with pytest.raises(InvalidInputError, match="holds no finished study"):
         writing.rebuild_report(tmp_path)
+
+
+def test_a_report_made_again_is_the_same_to_the_byte(
+    config: StudyConfig, results: StudyResults, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The date and the time that it took are those of the results, not of the report."""
+    monkeypatch.setattr(writing, "compute_study", lambda *_: results)
+    study = writing.run_study(config, tmp_path)
+    files = ("report.html", "report.pdf", "results.json", "figures/figure_4.10.png", "figures/figure_4.10.svg", "tables/closed_loops.csv")
+    first = {name: (tmp_path / name).read_bytes() for name in files}
+    assert study.record["seconds"] > 0.0
+    monkeypatch.setattr(made, "dt", None)  # no clock is asked for
+    writing.rebuild_report(tmp_path)
+    assert {name: (tmp_path / name).read_bytes() for name in files} == first
+
+
+@pytest.mark.parametrize("name", [writing.QUESTIONS, writing.BUNDLE, writing.MADE])
+def test_damaged_results_are_refused(config: StudyConfig, results: StudyResults, tmp_path: Path, name: str) -> None:
+    (tmp_path / FOLDER).mkdir()
+    write_engine(config.load_engine(), tmp_path / FOLDER / writing.ENGINE)
+    for file, value in (
+        (writing.QUESTIONS, config),
+        (writing.BUNDLE, results),
+        (writing.MADE, describe_making(config, config.load_engine(), results, 1.0)),
+    ):
+        write_value(tmp_path / FOLDER / file, value)
+    path = tmp_path / FOLDER / name
+    path.write_text(path.read_text()[: path.stat().st_size // 2])
+    with pytest.raises(InvalidInputError, match=name):
+        writing.rebuild_report(tmp_path)
+    write_value(path, ("another value",))
+    with pytest.raises(InvalidInputError, match="other values than a study's"):
+        writing.rebuild_report(tmp_path)
+
+
+def test_results_that_were_changed_are_refused(config: StudyConfig, results: StudyResults, tmp_path: Path) -> None:
+    """A number changed in a file that still reads: the report may not show it as computed."""
+    (tmp_path / FOLDER).mkdir()
+    write_engine(config.load_engine(), tmp_path / FOLDER / writing.ENGINE)
+    changed = dataclasses.replace(results, point=dataclasses.replace(results.point, gain=1.001 * results.point.gain))
+    for file, value in (
+        (writing.QUESTIONS, config),
+        (writing.BUNDLE, changed),
+        (writing.MADE, describe_making(config, config.load_engine(), results, 1.0)),
+    ):
+        write_value(tmp_path / FOLDER / file, value)
+    with pytest.raises(InvalidInputError, match="results were changed since they were made"):
+        writing.rebuild_report(tmp_path)
+
+
+def test_a_report_is_made_again_of_the_engine_that_was_studied(
+    results: StudyResults, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It shows the engine's parameters: the study keeps them, whatever became of the file, from wherever it is asked."""
+    monkeypatch.chdir(tmp_path)
+    text = format_engine(build_engine("lee1995"))
+    Path("mine.toml").write_text(text)
+    monkeypatch.setattr(writing, "compute_study", lambda *_: results)
+    writing.run_study(StudyConfig(engine="mine.toml"), "out")
+    first = Path("out/report.html").read_bytes()
+    Path("mine.toml").unlink()
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    monkeypatch.chdir(elsewhere)
+    writing.rebuild_report(tmp_path / "out")
+    assert (tmp_path / "out/report.html").read_bytes() == first
+    kept = tmp_path / "out" / FOLDER / writing.ENGINE
+    kept.write_text(kept.read_text().replace("0.1454", "0.2"))
+    with pytest.raises(InvalidInputError, match="not those that the results were made from"):
+        writing.rebuild_report(tmp_path / "out")

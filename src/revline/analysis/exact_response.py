@@ -2,14 +2,13 @@
 
 from dataclasses import replace
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from revline.analysis.linearize import linearize
-from revline.analysis.phase_turns import find_known_delay, follow_phase
+from revline.analysis.phase_turns import follow_phase
 from revline.analysis.trim import Trim
-from revline.errors import NotConvergedError, out_of_range
-from revline.lti.response import FrequencyResponse, check_frequencies
+from revline.errors import out_of_range
+from revline.lti.response import FrequencyResponse, check_frequencies, count_turns
 from revline.system import DelaySystem
 from revline.units import DEGREE
 
@@ -17,7 +16,8 @@ from revline.units import DEGREE
 def find_exact_response(system: DelaySystem, trim: Trim, frequencies: ArrayLike, *, input_name: str, output_name: str) -> FrequencyResponse:
     """Find how an output answers an input at vanishing amplitude.
 
-    The lags that the response contains are stated as its known delay, so that its phase has all turns on coarse frequencies too.
+    The phase has all its turns however far apart the frequencies are and wherever they begin: it is followed from a thousandth of the
+    lowest one on, as densely as the lags ask for.
 
     Args:
         system: any system with delay channels.
@@ -29,7 +29,7 @@ def find_exact_response(system: DelaySystem, trim: Trim, frequencies: ArrayLike,
     Raises:
         InvalidInputError: a frequency or a name cannot be used.
         AnalysisError: a pole lies at one of the frequencies.
-        NotConvergedError: the frequencies are too far apart for the phase to be unwrapped from their values.
+        NotConvergedError: the output does not answer, or its phase turns too fast to be followed up to the highest frequency.
     """
     omega = check_frequencies(frequencies)
     if omega[0] == 0.0:
@@ -37,11 +37,4 @@ def find_exact_response(system: DelaySystem, trim: Trim, frequencies: ArrayLike,
     model = linearize(system, trim).model
     plain = model.response(omega, input_name, output_name)
     phases = follow_phase(model, omega, input_name, output_name) / DEGREE
-    delay, fits = find_known_delay(plain, phases, np.array([*trim.lags, np.sum(trim.lags)]))
-    if not fits:
-        message = (
-            f"the phase of {output_name} turns too far between the {omega.size} frequencies up to {omega[-1]:g} rad/s to be "
-            "told from the values there; give more frequencies between them"
-        )
-        raise NotConvergedError(message, frequencies=omega.size)
-    return replace(plain, known_delay=delay)
+    return replace(plain, turns=count_turns(plain.values, phases))

@@ -42,8 +42,7 @@ class LinearityVerdict:
         if not self.points:
             message = "no frequencies to judge linearity by; give a sinestream or spectral checks"
             raise InvalidInputError(message)
-        if not 0.0 < self.distortion_limit < 1.0:
-            raise out_of_range("distortion_limit", self.distortion_limit, "(a part of the fundamental)", "0 to 1", "give one such as 0.05")
+        check_distortion_limit(self.distortion_limit)
 
     @property
     def low(self) -> float:
@@ -93,6 +92,9 @@ class LinearityVerdict:
         """The verdict in words and numbers."""
         worst = f"distortion is {100.0 * self.largest_distortion:.2g} % at most, at {self.where:g} rad/s"
         limit = f"limit {100.0 * self.distortion_limit:g} %"
+        if len(self.points) == 1:
+            other = "" if self.points[0].follows else "another line than the input's is highest, "
+            return f"{'follows' if self.follows else 'is not linear at'} the only frequency looked at: {other}{worst} ({limit})"
         span = f"{self.low:g} to {self.high:g} rad/s"
         if self.follows:
             return f"follows the input's frequency from {span}, at all {len(self.points)} frequencies looked at: {worst} ({limit})"
@@ -100,7 +102,7 @@ class LinearityVerdict:
         inside = " and ".join(f"{low:g} to {high:g} rad/s" for low, high in self.ranges) or "nowhere"
         return (
             f"is not linear at {len(self.failures)} of {len(self.points)} frequencies from {span}: {worst} ({limit}); "
-            f"another line than the input's is highest at {lost}; it is linear {'from ' if self.ranges else ''}{inside}"
+            f"another line than the input's is highest at {lost or 'none'} of them; it is linear {'from ' if self.ranges else ''}{inside}"
         )
 
     @property
@@ -109,6 +111,16 @@ class LinearityVerdict:
 
     def _passes(self, point: LinearityPoint) -> bool:
         return point.follows and point.distortion <= self.distortion_limit
+
+
+def check_distortion_limit(limit: float) -> None:
+    """Refuse a limit that is no part of the fundamental.
+
+    Raises:
+        InvalidInputError: it is not between 0 and 1.
+    """
+    if not 0.0 < limit < 1.0:
+        raise out_of_range("distortion limit", limit, "of the fundamental", "0 to 1, without the ends", "give one such as 0.05")
 
 
 def judge_linearity(

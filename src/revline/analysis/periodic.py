@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from revline.analysis.threads import Progress
 from revline.analysis.trim import Trim
 from revline.dde.simulate import Checkpoint, Options, Start, Trajectory, resume, simulate
 from revline.errors import AnalysisError, InvalidInputError, NotSettledError, SimulationError, out_of_range
@@ -33,6 +34,9 @@ MOST_CYCLES = 16
 
 MOST_STEPS = 100_000_000
 """Most steps that one frequency may take, about a minute."""
+
+FIRST_STEPS = 0.1 * MOST_STEPS
+"""Most steps that a period and the transients together may take."""
 
 TOLERANCE = 1e-6
 """Part of the output's amplitude by which a settled waveform may still change, where none other is asked for."""
@@ -216,10 +220,11 @@ def plan_mesh(omega: float, trim: Trim, settings: RunSettings) -> Mesh:
     # Before the lags have passed, an answer may look settled because nothing has arrived yet.
     period, slowest = 2.0 * math.pi / omega, float(np.sum(trim.lags)) - 1.0 / trim.roots.spectral_abscissa
     longest_step = min(settings.max_step, LAG_SHARE * float(np.min(trim.lags, initial=math.inf)))
-    if (period + slowest) / min(longest_step, period / FEWEST_SAMPLES) > 0.1 * MOST_STEPS:
-        step = min(longest_step, period / FEWEST_SAMPLES)
-        limit = f"what {MOST_STEPS:g} steps of {step:g} s resolve with transients and lags of {slowest:g} s"
-        raise out_of_range("frequency", omega, "rad/s", limit, "choose another frequency, or a longer step at a low one")
+    if (period + slowest) / min(longest_step, period / FEWEST_SAMPLES) > FIRST_STEPS:
+        lowest = 2.0 * math.pi / max(FIRST_STEPS * longest_step - slowest, longest_step)
+        highest = 2.0 * math.pi / slowest * (FIRST_STEPS / FEWEST_SAMPLES - 1.0)
+        limit = f"{lowest:.3g} to {highest:.3g} rad/s, which steps of at most {longest_step:.3g} s can resolve"
+        raise out_of_range("frequency", omega, "rad/s", limit, "choose another, allow a longer step, or take the exact response there")
     needed = period / longest_step
     unit = FEWEST_SAMPLES if needed <= ENOUGH_SAMPLES else ENOUGH_SAMPLES
     count = unit * math.ceil(needed / unit - 1e-9)
@@ -292,7 +297,7 @@ def find_amplitude(outputs: Floats, period: int) -> float:
 
 
 def run_until_periodic(
-    system: DelaySystem, trim: Trim, excitation: Excitation, mesh: Mesh, *, tolerance: float = TOLERANCE
+    system: DelaySystem, trim: Trim, excitation: Excitation, mesh: Mesh, *, tolerance: float = TOLERANCE, progress: Progress | None = None
 ) -> PeriodicAnswer:
     """Simulate from the trim under a sinusoid until the output repeats itself.
 
@@ -304,6 +309,7 @@ def run_until_periodic(
         excitation: what is moved and watched.
         mesh: from `plan_mesh`.
         tolerance: largest error left, as a part of the output's amplitude.
+        progress: told from time to time that the run goes on, with the part of its present block that is done; what it raises ends the run.
 
     Returns:
         The last whole periods, and how far they are settled.
@@ -316,7 +322,7 @@ def run_until_periodic(
     signals = {excitation.input_name: sine(excitation.amplitude, mesh.omega)}
     watch = SettlingWatch(period=mesh.samples, block=mesh.block // mesh.every, tolerance=tolerance, decay=mesh.decay)
     done = mesh.first
-    run = _go_on(system, trim, signals, mesh, done)
+    run = _go_on(system, trim, signals, mesh, done, progress)
     outputs, inputs = run.output(excitation.output_name), run.input(excitation.input_name)
     while True:
         if find_amplitude(outputs, mesh.samples) <= NO_ANSWER * float(np.max(np.abs(outputs))):
@@ -328,7 +334,7 @@ def run_until_periodic(
         if done + mesh.block > mesh.most:
             raise _not_settled(excitation, watch, mesh, done)
         done += mesh.block
-        run = _go_on(system, run.checkpoint, signals, mesh, done)
+        run = _go_on(system, run.checkpoint, signals, mesh, done, progress)
         keep = mesh.samples + max(mesh.samples, mesh.block // mesh.every)
         outputs = np.concatenate([outputs[-keep:], run.output(excitation.output_name)])
         inputs = np.concatenate([inputs[-keep:], run.input(excitation.input_name)])
@@ -344,25 +350,30 @@ def run_until_periodic(
     )
 
 
-def continue_periodic(system: DelaySystem, excitation: Excitation, answer: PeriodicAnswer, *, cycles: int) -> Trajectory:
-    """Simulate some periods more after an answer has settled.
+def continue_periodic(
+    system: DelaySystem, excitation: Excitation, answer: PeriodicAnswer, *, cycles: int, progress: Progress | None = None
+) -> Trajectory:
+    """Simulate some periods more after an answer has settled; see `run_until_periodic`.
 
     Raises:
         StalledError, LagError, DivergedError: the run ended; the message names the frequency.
     """
     signals = {excitation.input_name: sine(excitation.amplitude, answer.mesh.omega)}
     done = round(answer.cycles * answer.mesh.count) + cycles * answer.mesh.count
-    return _go_on(system, answer.checkpoint, signals, answer.mesh, done)
+    return _go_on(system, answer.checkpoint, signals, answer.mesh, done, progress)
 
 
-def _go_on(system: DelaySystem, source: Trim | Checkpoint, signals: dict[str, Signal], mesh: Mesh, done: int) -> Trajectory:
+def _go_on(
+    system: DelaySystem, source: Trim | Checkpoint, signals: dict[str, Signal], mesh: Mesh, done: int, progress: Progress | None
+) -> Trajectory:
     # A quarter step short: the run stops at the next grid point, whatever rounding does to the product.
     until = (done - 0.25) * mesh.step
     try:
         if isinstance(source, Checkpoint):
-            return resume(system, signals, source, until=until)
+            options = Options(every=source.every, method=source.method, progress=progress)
+            return resume(system, signals, source, until=until, options=options)
         start = Start(states=source.states, inputs=source.inputs, channels=source.channels)
-        return simulate(system, start, signals, until=until, step=mesh.step, options=Options(every=mesh.every))
+        return simulate(system, start, signals, until=until, step=mesh.step, options=Options(every=mesh.every, progress=progress))
     except SimulationError as error:
         message = f"under a sinusoid at {mesh.omega:g} rad/s: {error}"
         raise type(error)(message, **{**error.details, "frequency": mesh.omega}) from error

@@ -33,8 +33,6 @@ QUARTER = 90.0
 TOO_SMALL = 1e-2
 """Where the model answers with less than this part of the measured response, it is no guide."""
 
-OWN_TURNS = "the frequencies are too far apart for the response to count its turns by itself; those of phase_deg are right"
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SineReading:
@@ -43,13 +41,11 @@ class SineReading:
     Attributes:
         values: output over input, shape (n_freq,), a lag having a negative phase.
         phase_deg: its phase with all turns, counted from 0 at low frequency for a positive gain; negative for lag.
-        known_delay: delay after whose removal the values unwrap to `phase_deg` by themselves.
         notes: what about the phases is uncertain, in words.
     """
 
     values: Complexes
     phase_deg: Floats
-    known_delay: float
     notes: tuple[str, ...]
 
     def __post_init__(self) -> None:
@@ -76,11 +72,7 @@ def read_turns(values: Complexes, guide: FrequencyResponse, model: DelayStateSpa
         notes = (f"{reason}: it cannot tell the turns", *notes)
     else:
         phase_deg, notes = take_turns(values, follow_phase(model, omega, guide.input_name, guide.output_name), omega)
-    plain = FrequencyResponse(omega=omega, values=values)
-    delay, fits = find_known_delay(plain, phase_deg, np.array([*model.lags, np.sum(model.lags)]))
-    if not fits:
-        notes = (*notes, OWN_TURNS)
-    return SineReading(values=values, phase_deg=phase_deg, known_delay=delay, notes=notes)
+    return SineReading(values=values, phase_deg=phase_deg, notes=notes)
 
 
 def follow_phase(model: DelayStateSpace, omega: ArrayLike, input_name: str, output_name: str) -> Floats:
@@ -148,24 +140,6 @@ def take_turns(values: Complexes, guide: Floats, omega: Floats) -> tuple[Floats,
         for w, d in zip(omega[far], offset[far], strict=True)
     )
     return phases, tuple(notes)
-
-
-def find_known_delay(response: FrequencyResponse, phase_deg: Floats, candidates: Floats) -> tuple[float, bool]:
-    """Choose the delay after whose removal a response unwraps by itself to phases known otherwise.
-
-    Args:
-        response: whose phase is to come out.
-        phase_deg: phases with all turns, in degrees.
-        candidates: delays in s to try after none, in this order.
-
-    Returns:
-        The first delay that does, and whether one does; 0 where none does.
-    """
-    for delay in (0.0, *map(float, candidates)):
-        tried = FrequencyResponse(omega=response.omega, values=response.values, known_delay=delay)
-        if np.allclose(tried.phase_deg, phase_deg, rtol=0.0, atol=1e-6):
-            return delay, True
-    return 0.0, False
 
 
 def unwrap_alone(values: Complexes, omega: Floats, lag: float) -> tuple[Floats, tuple[str, ...]]:

@@ -12,10 +12,10 @@ from revline.analysis.cycle_readings import FourierReading, ReadingMethod, read_
 from revline.analysis.linearize import linearize
 from revline.analysis.periodic import Excitation, Mesh, PeriodicAnswer, RunSettings, check_excitation, plan_mesh, run_until_periodic
 from revline.analysis.phase_turns import SineReading, read_turns
-from revline.analysis.threads import Progress, run_all
+from revline.analysis.threads import Failure, Progress, run_all, run_each
 from revline.analysis.trim import Trim
 from revline.errors import AnalysisError, LagError, NotConvergedError
-from revline.lti.response import FrequencyResponse, check_frequencies
+from revline.lti.response import FrequencyResponse, check_frequencies, count_turns
 from revline.system import DelaySystem, Floats, Variable
 from revline.values import make_read_only
 
@@ -115,8 +115,40 @@ class Sinestream:
             output_name=self.watched.name,
             output_unit=self.watched.unit,
             method=f"sinestream, {method.value}",
-            known_delay=reading.known_delay,
+            turns=count_turns(reading.values, reading.phase_deg),
         )
+
+
+@dataclass(frozen=True, slots=True)
+class MissingAnswer:
+    """A frequency without an answer.
+
+    Attributes:
+        omega: in rad/s.
+        reason: why, in words.
+    """
+
+    omega: float
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartialSinestream:
+    """What is finished of a frequency response, and what is not.
+
+    Attributes:
+        finished: the response at the frequencies that were finished.
+        missing: the others.
+    """
+
+    finished: Sinestream
+    missing: tuple[MissingAnswer, ...]
+
+    def __str__(self) -> str:
+        """Say what is missing, and why."""
+        count = self.finished.omega.size
+        missing = "; ".join(f"{entry.omega:g} rad/s ({entry.reason})" for entry in self.missing)
+        return f"{count} of {count + len(self.missing)} frequencies are finished; missing: {missing}"
 
 
 def find_sinestream(
@@ -156,12 +188,56 @@ def find_sinestream(
     Source:
         Lee (1995), chapter 4, for sinusoids and peaks; the settling test and the step check are this package's own.
     """
-    settings = settings or RunSettings()
-    omega = check_frequencies(frequencies)
+    case = _Case(system, trim, excitation, settings or RunSettings())
+    return _assemble(case, run_all(case.run_checked, case.meshes(frequencies), _cost, workers=workers, progress=progress))
+
+
+def attempt_sinestream(
+    system: DelaySystem,
+    trim: Trim,
+    excitation: Excitation,
+    frequencies: ArrayLike,
+    *,
+    settings: RunSettings | None = None,
+    workers: int = 2,
+    progress: Progress | None = None,
+) -> Sinestream | PartialSinestream:
+    """Find a frequency response as `find_sinestream` does, and keep what is finished where a frequency fails or the run is interrupted.
+
+    Args:
+        system: any system with delay channels.
+        trim: a stable steady state, where the simulation starts.
+        excitation: what is moved, how far, and what is watched.
+        frequencies: in rad/s, above 0, strictly rising.
+        settings: longest step, tolerances and longest run.
+        workers: threads; the result does not depend on their number.
+        progress: told which part of the frequencies is done.
+
+    Returns:
+        The whole response, or the finished part with the reason why each other frequency is missing.
+
+    Raises:
+        InvalidInputError, AnalysisError, KeyboardInterrupt: as for `find_sinestream`; of the frequencies' own errors the first, where
+            none is finished.
+    """
+    case = _Case(system, trim, excitation, settings or RunSettings())
+    meshes = case.meshes(frequencies)
+    outcomes = run_each(case.run_checked, meshes, _cost, workers=workers, progress=progress)
+    failures = [(mesh.omega, outcome.error) for mesh, outcome in zip(meshes, outcomes, strict=True) if isinstance(outcome, Failure)]
+    runs = [outcome for outcome in outcomes if not isinstance(outcome, Failure)]
+    if not runs:
+        raise failures[0][1]
+    stream = _assemble(case, runs)
+    if not failures:
+        return stream
+    return PartialSinestream(finished=stream, missing=tuple(MissingAnswer(omega, str(error) or "interrupted") for omega, error in failures))
+
+
+def _assemble(case: "_Case", runs: "list[_Run]") -> Sinestream:
+    """Read the response from the settled answers, one for each frequency."""
+    system, trim, excitation = case.system, case.trim, case.excitation
     moved, watched = check_excitation(system, trim, excitation)
-    meshes = [plan_mesh(float(w), trim, settings) for w in omega]
-    case = _Case(system, trim, excitation, settings)
-    runs = run_all(lambda mesh: _run_checked(case, mesh), meshes, lambda mesh: mesh.first, workers=workers, progress=progress)
+    omega = np.array([run.answer.mesh.omega for run in runs])
     readings = [run.reading for run in runs]
     peaks = [read_peaks(run.answer.moved, run.answer.answered) for run in runs]
     model = linearize(system, trim).model
@@ -198,8 +274,31 @@ class _Case:
     excitation: Excitation
     settings: RunSettings
 
-    def run(self, mesh: Mesh) -> PeriodicAnswer:
-        return run_until_periodic(self.system, self.trim, self.excitation, mesh, tolerance=self.settings.tolerance)
+    def meshes(self, frequencies: ArrayLike) -> list[Mesh]:
+        omega = check_frequencies(frequencies)
+        check_excitation(self.system, self.trim, self.excitation)
+        return [plan_mesh(float(w), self.trim, self.settings) for w in omega]
+
+    def run(self, mesh: Mesh, progress: Progress) -> PeriodicAnswer:
+        tolerance = self.settings.tolerance
+        return run_until_periodic(self.system, self.trim, self.excitation, mesh, tolerance=tolerance, progress=progress)
+
+    def run_checked(self, mesh: Mesh, progress: Progress) -> "_Run":
+        """Halve the step until it no longer matters."""
+        coarse = _first_coarse(self, mesh, progress)
+        error = np.inf
+        for _ in range(MOST_HALVINGS):
+            answer = self.run(coarse.answer.mesh.finer(), progress)
+            reading = self.read(answer)
+            error = abs(reading.value - coarse.reading.value) / abs(reading.value) / ORDER_GAIN
+            if error < self.settings.step_tolerance:
+                return _Run(answer, reading, error)
+            coarse = _Run(answer, reading, error)
+        message = (
+            f"the step still matters at {mesh.omega:g} rad/s: halving it to {coarse.answer.mesh.step:g} s leaves a relative error of "
+            f"{error:.2g} (limit {self.settings.step_tolerance:g}); give a shorter max_step or a larger step_tolerance"
+        )
+        raise NotConvergedError(message, frequency=mesh.omega, error=error, step=coarse.answer.mesh.step)
 
     def read(self, answer: PeriodicAnswer) -> FourierReading:
         reading = read_fourier(answer.moved, answer.answered)
@@ -221,35 +320,21 @@ class _Run:
     step_error: float
 
 
-def _run_checked(case: _Case, mesh: Mesh) -> _Run:
-    """Halve the step until it no longer matters."""
-    coarse = _first_coarse(case, mesh)
-    error = np.inf
-    for _ in range(MOST_HALVINGS):
-        answer = case.run(coarse.answer.mesh.finer())
-        reading = case.read(answer)
-        error = abs(reading.value - coarse.reading.value) / abs(reading.value) / ORDER_GAIN
-        if error < case.settings.step_tolerance:
-            return _Run(answer, reading, error)
-        coarse = _Run(answer, reading, error)
-    message = (
-        f"the step still matters at {mesh.omega:g} rad/s: halving it to {coarse.answer.mesh.step:g} s leaves a relative error of "
-        f"{error:.2g} (limit {case.settings.step_tolerance:g}); give a shorter max_step or a larger step_tolerance"
-    )
-    raise NotConvergedError(message, frequency=mesh.omega, error=error, step=coarse.answer.mesh.step)
+def _cost(mesh: Mesh) -> int:
+    return mesh.first
 
 
-def _first_coarse(case: _Case, mesh: Mesh) -> _Run:
+def _first_coarse(case: _Case, mesh: Mesh, progress: Progress) -> _Run:
     """Run with twice the step planned, or with less where a lag shrinks below that."""
     tried = mesh.coarser()
     for _ in range(MOST_HALVINGS - 1):
         try:
-            return _coarse_run(case, tried)
+            return _coarse_run(case, tried, progress)
         except LagError:
             tried = tried.finer()
-    return _coarse_run(case, tried)
+    return _coarse_run(case, tried, progress)
 
 
-def _coarse_run(case: _Case, mesh: Mesh) -> _Run:
-    answer = case.run(mesh)
+def _coarse_run(case: _Case, mesh: Mesh, progress: Progress) -> _Run:
+    answer = case.run(mesh, progress)
     return _Run(answer, case.read(answer), np.inf)

@@ -198,9 +198,9 @@ def check_spectra(
     check_excitation(system, trim, excitation)
     meshes = [plan_mesh(float(w), trim, settings) for w in check_frequencies(frequencies)]
 
-    def check(mesh: Mesh) -> SpectralCheck:
-        answer = run_until_periodic(system, trim, excitation, mesh, tolerance=settings.tolerance)
-        record = continue_periodic(system, excitation, answer, cycles=settings.cycles)
+    def check(mesh: Mesh, going: Progress) -> SpectralCheck:
+        answer = run_until_periodic(system, trim, excitation, mesh, tolerance=settings.tolerance, progress=going)
+        record = continue_periodic(system, excitation, answer, cycles=settings.cycles, progress=going)
         values = record.output(excitation.output_name)
         return SpectralCheck(
             omega=mesh.omega,

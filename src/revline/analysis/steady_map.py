@@ -103,7 +103,9 @@ class SteadyMap:
         for boundary in self.boundaries:
             side = "below" if boundary.without.value < boundary.value else "above"
             resting = f"{self.output.name} = {boundary.trim.output(self.output.name):.4g} {self.output.unit}"
-            found.append(f"no steady state {side} {sweep.name} = {boundary.value:.6g} {sweep.unit}, where {resting}")
+            found.append(
+                f"no steady state {side} {sweep.name} = {boundary.value:.6g} {sweep.unit}, where {resting}, inside the search range"
+            )
         for value, trim in zip(self.values, self.trims, strict=True):
             place = f"at {sweep.name} = {value:g} {sweep.unit}"
             found += [f"{place}, {entry}" for entry in trim.left_out]
@@ -121,7 +123,7 @@ def find_steady_map(
     values: ArrayLike,
     output: str,
     inputs: Mapping[str, float] | None = None,
-    tolerance: float = 1e-3,
+    tolerance: float = 1e-6,
 ) -> SteadyMap:
     """Find the steady states over a range of one input, following the branch that the first one lies on.
 

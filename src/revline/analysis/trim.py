@@ -16,6 +16,12 @@ from revline.lti.roots import RightmostRoots, characteristic_roots
 from revline.system import DelaySystem, Floats, Variable, check_range, index_of
 from revline.values import make_read_only
 
+MOST_NAMED = 3
+"""Steady states outside the search range that a message names; it counts the others."""
+
+SWEEP, SWEEP_STARTS = 31, 8
+"""Values of a free input, and starts at each, to tell how near a target can be reached."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeftOut:
@@ -207,7 +213,7 @@ def _outside(equations: SteadyEquations, unknowns: Floats) -> LeftOut | tuple[()
     system = equations.system
     x, u = equations.split(unknowns)
     for variable, value in zip(system.states, x, strict=True):
-        slack = 1e-9 * search_scale(variable)
+        slack = 1e-12 * search_scale(variable)
         if not variable.search_low - slack <= value <= variable.search_high + slack:
             lags = evaluate(system, system.lags, x, u, equations.channels(unknowns))
             return LeftOut(
@@ -255,11 +261,39 @@ def _by_preference(system: DelaySystem, trims: list[Trim], near: Mapping[str, fl
 def _no_trim(equations: SteadyEquations, closest: Floats, isolated: bool, left_out: list[LeftOut]) -> NoTrimError:  # noqa: FBT001 - a fact, not a mode
     request = equations.describe()
     if left_out:
-        found = "; ".join(str(entry) for entry in left_out)
+        # At a standstill any free input will do, which gives one and the same state many times.
+        distinct = list({(entry.quantity, round(entry.value, 6)): entry for entry in left_out}.values())
+        more = (f"and {len(distinct) - MOST_NAMED} more",) if len(distinct) > MOST_NAMED else ()
+        found = "; ".join((*(str(entry) for entry in distinct[:MOST_NAMED]), *more))
         return NoTrimError(f"no trim at {request} inside the search range ({found}); change the inputs", request=request)
     if not isolated:
         message = f"no trim at {request}: steady states are not isolated, a state is free to rest anywhere; hold it with `outputs`"
         return NoTrimError(message, request=request)
     drift, limit, text = equations.worst(closest)
-    message = f"no trim at {request}: {text}. The point may lie outside the operating range; see find_steady_map()"
-    return NoTrimError(message, request=request, drift=drift, limit=limit)
+    near = _nearest_reached(equations)
+    words = f"; the nearest steady state met has {near[1]}" if near else ""
+    message = f"no trim at {request}: {text}{words}. The point may lie outside the operating range; see find_steady_map() or revline map"
+    return NoTrimError(message, request=request, drift=drift, limit=limit, **({"nearest": near[0]} if near else {}))
+
+
+def _nearest_reached(equations: SteadyEquations) -> tuple[float, str] | tuple[()]:
+    """Sweep the only free input over its range: what the only target comes nearest to at rest, and in words where."""
+    system = equations.system
+    swept = [system.inputs[k] for k in equations.free]
+    if len(swept) != 1 or not np.all(np.isfinite((swept[0].low, swept[0].high))):
+        return ()
+    (target,), reached = equations.targets, []
+    for value in np.linspace(swept[0].low, swept[0].high, SWEEP):
+        known = equations.known.copy()
+        known[equations.free[0]] = value
+        posed = SteadyEquations(system=system, known=known, free=(), targets=())
+        for unknowns in solve_steady(posed, posed.starts(SWEEP_STARTS, {})).solutions:
+            if not _outside(posed, unknowns):
+                x, u = posed.split(unknowns)
+                shown = x if target.is_state else evaluate(system, system.output, x, u, posed.channels(unknowns))
+                reached.append((abs(float(shown[target.index]) - target.value), float(shown[target.index]), float(value)))
+    if not reached:
+        return ()
+    _, nearest, value = min(reached)
+    unit = target.variable.unit
+    return nearest, f"{target.variable.name} = {nearest:.6g} {unit}, at {swept[0].name} = {value:.4g} {swept[0].unit}"

@@ -14,13 +14,25 @@ from typing import Annotated, NamedTuple, TextIO
 import typer
 
 from revline import __version__
-from revline.cli import engine_commands, loop_command, model_commands, response_command, simulate_command, study_commands
+from revline.cli import (
+    engine_commands,
+    loop_command,
+    map_command,
+    model_commands,
+    response_command,
+    simulate_command,
+    spectra_command,
+    study_commands,
+)
 from revline.cli.shell import say
 from revline.errors import RevlineError
 
 FAILED = 1
 INTERRUPTED = 130
 """What the argument parser makes of an interruption."""
+
+QUIET = frozenset({"--quiet", "-q"})
+"""Either leaves out the warnings that Python's libraries give, as it does those of the commands."""
 
 
 class Entry(NamedTuple):
@@ -43,13 +55,19 @@ COMMANDS = (
         "revline simulate --throttle 25 --input step:5@0.5 --until 5 --out run.csv",
     ),
     Entry("trim", engine_commands.trim, "Steady operating point at a throttle or a speed.", "revline trim --throttle 25"),
-    Entry("map", engine_commands.steady_map, "Steady states over the throttle.", "revline map --from 4 --to 60 --points 57 --out map.csv"),
+    Entry("map", map_command.steady_map, "Steady states over the throttle.", "revline map --from 4 --to 60 --points 57 --out map.csv"),
     Entry("linearize", engine_commands.linearize, "Exact linear model at a trim.", "revline linearize --throttle 25 --out linear.json"),
     Entry(
         "response",
         response_command.response,
         "Frequency response from throttle to speed.",
         "revline response --throttle 25 --amplitude 5 --frequencies 0.1,1,5,10,20,50,100 --method peaks --out response.csv",
+    ),
+    Entry(
+        "spectra",
+        spectra_command.spectra,
+        "Whether the speed follows the throttle's frequency.",
+        "revline spectra --throttle 25 --amplitude 5 --frequencies 0.5,5,20,50 --out spectra.csv",
     ),
     Entry(
         "fit",
@@ -125,6 +143,8 @@ def run(arguments: Sequence[str]) -> int:
     """
     with warnings.catch_warnings():
         warnings.showwarning = _show_warning
+        if QUIET.intersection(arguments):
+            warnings.simplefilter("ignore")
         try:
             status = _run_app(arguments)
             sys.stdout.flush()

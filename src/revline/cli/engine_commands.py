@@ -1,4 +1,4 @@
-"""Commands about engines at rest: engines, trim, map, linearize."""
+"""Commands about engines at rest: engines, trim, linearize."""
 
 from typing import Annotated
 
@@ -8,12 +8,13 @@ from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOp
 from revline.cli.shell import Facts, Grid, Shell, show_roots
 from revline.errors import InvalidInputError
 
-MOST_POINTS = 100_001
-
 
 def engines(
     *,
     name: Annotated[str | None, typer.Argument(metavar="[NAME|FILE]", help="Engine whose parameters to print.", show_default=False)] = None,
+    vector: Annotated[
+        bool, typer.Option("--vector", help="Print the vector of 24 numbers instead (a file ending in .txt, .vec or .dat).")
+    ] = False,
     json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -27,12 +28,27 @@ def engines(
     from revline.io.engine_files import format_engine, load_engine
 
     shell = Shell(json=json, quiet=quiet)
+    if vector:
+        _show_vector(shell, name)
+        return
     if name is None:
         record: dict[str, object] = {"engines": [{"name": entry.name, "description": entry.description} for entry in ENGINES]}
         shell.show(record, Grid("", ("engine", "what it is"), [(entry.name, entry.description) for entry in ENGINES]))
         return
     text = format_engine(load_engine(name))
     shell.show(tomllib.loads(text), text.rstrip("\n"))
+
+
+def _show_vector(shell: Shell, name: str | None) -> None:
+    from revline.io.engine_files import load_engine
+    from revline.io.engine_vectors import format_engine_vector
+
+    if name is None:
+        message = "--vector prints one engine's numbers; name the engine, for example `revline engines lee1995 --vector`"
+        raise InvalidInputError(message)
+    found = format_engine_vector(load_engine(name))
+    shell.warn(*found.notes)
+    shell.show({"vector": list(found.numbers), "notes": list(found.notes)}, found.text.rstrip("\n"))
 
 
 def trim(
@@ -60,8 +76,9 @@ def trim(
     else:
         message = "give either --throttle or --speed: one is known, the other is found"
         raise InvalidInputError(message)
-    model = linearize_system(plant, point).model
-    shell.warn(*trim_warnings(point))
+    linear = linearize_system(plant, point)
+    model, remarks = linear.model, [*trim_warnings(point), *(str(kink) for kink in linear.kinks)]
+    shell.warn(*remarks)
     found = point.output("engine_speed")
     rows: list[tuple[str, float | str, str]] = [
         ("throttle", point.input("throttle"), "deg"),
@@ -73,48 +90,7 @@ def trim(
         ("stable", "yes" if point.stable else f"no, {point.unstable_count} unstable roots", ""),
         ("residual", point.residual, "1/s"),
     ]
-    shell.show(trim_record(point, model), Facts(f"Trim of {point.system}", rows))
-
-
-def steady_map(
-    *,
-    low: Annotated[float, typer.Option("--from", metavar="DEG", help="Lowest throttle angle [deg].")] = 0.0,
-    high: Annotated[float, typer.Option("--to", metavar="DEG", help="Highest throttle angle [deg].")] = 90.0,
-    points: Annotated[int, typer.Option("--points", min=2, max=MOST_POINTS, help="How many angles, evenly spaced.")] = 91,
-    load: LoadOption = 0.0,
-    engine: EngineOption = DEFAULT_ENGINE,
-    out: OutOption = None,
-    json: JsonOption = False,
-    quiet: QuietOption = False,
-) -> None:
-    """Map the steady states over the throttle: speed, pressure, torques and stability, and where steady states end.
-
-    Angles without a steady state are left out and named in the warnings. The column `stable` of the file is 1 or 0.
-    """
-    import numpy as np
-
-    from revline.analysis.steady_map import find_steady_map
-    from revline.io.engine_files import load_engine
-    from revline.io.point_records import format_map, map_record
-
-    shell = Shell(json=json, quiet=quiet)
-    shell.prepare(out, "map")
-    with shell.busy("steady states"):
-        found = find_steady_map(
-            load_engine(engine),
-            sweep_input="throttle",
-            values=np.linspace(low, high, points),
-            output="engine_speed",
-            inputs={"load_torque": load},
-        )
-    shell.write(out, format_map(found, load=load), "map")
-    shell.warn(*found.warnings)
-    rows = [
-        (trim.input("throttle"), trim.output("engine_speed"), trim.output("manifold_pressure"), "yes" if trim.stable else "no")
-        for trim in found.trims
-    ]
-    header = ("throttle [deg]", "speed [rad/s]", "pressure [kPa]", "stable")
-    shell.show(map_record(found, load=load), Grid(f"Steady states of {found.system}", header, rows), text_on=out)
+    shell.show({**trim_record(point, model), "warnings": remarks}, Facts(f"Trim of {point.system}", rows))
 
 
 def linearize(
@@ -148,7 +124,7 @@ def linearize(
     rows: list[tuple[str, float | str, str]] = [
         ("states", ", ".join(f"{s.name} [{s.unit}]" for s in model.states), ""),
         ("inputs", ", ".join(f"{s.name} [{s.unit}]" for s in model.inputs), ""),
-        *((f"lag of {c.name}", float(lag), "s") for c, lag in zip(model.channels, model.lags, strict=True)),
+        *((f"lag of {c.name.replace('_', ' ')}", float(lag), "s") for c, lag in zip(model.channels, model.lags, strict=True)),
         ("gain at rest", model.static_gain("throttle", "engine_speed"), "rad/s per deg"),
         ("right-most root", show_roots(point.roots.roots[:1]), "rad/s"),
         ("stable", "yes" if point.stable else f"no, {point.unstable_count} unstable roots", ""),

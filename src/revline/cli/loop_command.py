@@ -7,13 +7,16 @@ import typer
 
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption
 from revline.cli.shell import Facts, Shell
-from revline.errors import InvalidInputError
+from revline.errors import InvalidInputError, out_of_range
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from revline.design.closed_loop import LoopRun, LoopTask
     from revline.design.controller import PidGains
+
+WIDE_OPEN = 90.0
+"""Largest throttle angle [deg]."""
 
 
 def loop(
@@ -55,7 +58,7 @@ def loop(
 
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "closed-loop record")
-    _check_plant(files, throttle, limited=low is not None or high is not None)
+    _check_plant(files, throttle, limited=low is not None or high is not None, placed=load != 0.0 or engine != DEFAULT_ENGINE)
     gains = read_controller(files[-1]).gains
     task = LoopTask(command=step, until=until, step=time_step)
     with shell.busy("running the loop; the first run of all compiles it, which takes some seconds"):
@@ -68,13 +71,16 @@ def loop(
     shell.show(record, Facts(f"{gains.rule} controller on {run.plant}", _facts(record)), describe_outcome(run), text_on=out)
 
 
-def _check_plant(files: list[Path], throttle: float | None, *, limited: bool) -> None:
+def _check_plant(files: list[Path], throttle: float | None, *, limited: bool, placed: bool) -> None:
     """Refuse files and options that make no loop."""
     if len(files) > 2:
         message = f"{len(files)} files were given; give a controller file, or a model file and a controller file"
         raise InvalidInputError(message)
     if len(files) == 2 and limited:
         message = "--low and --high limit an engine's throttle; a linear model runs without limits, leave them out"
+        raise InvalidInputError(message)
+    if len(files) == 2 and placed and throttle is None:
+        message = "--engine and --load place a linear model at an engine's trim; give --throttle too, or leave them out"
         raise InvalidInputError(message)
     if len(files) == 1 and throttle is None:
         message = "a loop around an engine needs --throttle, the angle [deg] of the trim that it starts from"
@@ -92,10 +98,21 @@ def _run_engine(
 
     plant = load_engine(engine)
     trim = find_trim(plant, inputs={"throttle": place[0], "load_torque": place[1]})
-    low, high = limits
-    bounds = Limits(low=0.0 if low is None else low, high=lee1995_parameters(plant).throttle.saturation_angle if high is None else high)
+    bounds = Limits(*_throttle_limits(limits, lee1995_parameters(plant).throttle.saturation_angle))
     run = run_loop(plant, operating_point(trim), gains, task, limits=bounds)
     return run, loop_record(run)
+
+
+def _throttle_limits(wanted: tuple[float | None, float | None], saturation: float) -> tuple[float, float]:
+    """Limits asked for, else 0 and where the throttle saturates; refused where no throttle can reach them."""
+    low, high = (default if value is None else value for value, default in zip(wanted, (0.0, saturation), strict=True))
+    for name, value in (("--low", low), ("--high", high)):
+        if not 0.0 <= value <= WIDE_OPEN:
+            raise out_of_range(name, value, "deg", f"0 to {WIDE_OPEN:g} deg", "give an angle that the throttle can reach")
+    if not low < high:
+        message = f"--low = {low:g} deg is not below --high = {high:g} deg; give limits with room between them"
+        raise InvalidInputError(message, low=low, high=high)
+    return low, high
 
 
 def _run_model(path: Path, gains: "PidGains", task: "LoopTask", *, base: tuple[float, float]) -> "tuple[LoopRun, Mapping[str, object]]":

@@ -5,8 +5,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from revline.dde.run import Floats
+from revline.errors import out_of_range
 from revline.signals import NEVER, Signal, TermKind
-from revline.system import DelaySystem, check_range, index_of
+from revline.system import DelaySystem, Variable, check_range, index_of
+
+LARGEST_TURN = 1.0
+"""Angle in radians that a sinusoid may turn by in one step: six steps to a period, which a fourth-order method follows."""
 
 
 def tabulate_signals(system: DelaySystem, base: Floats, signals: Mapping[str, Signal], span: tuple[float, float]) -> dict[str, Floats]:
@@ -28,8 +32,7 @@ def tabulate_signals(system: DelaySystem, base: Floats, signals: Mapping[str, Si
     breaks: dict[float, list[int]] = {}
     for name, signal in signals.items():
         owner = index_of(system.inputs, name)
-        for bound in signal.range():
-            check_range(system.inputs[owner], float(base[owner]) + bound)
+        _check_signal(system.inputs[owner], float(base[owner]), signal, span)
         rows = signal.rows()
         rows[rows[:, 0] == TermKind.RECORDED, 3] += sum(len(samples) for samples in record)
         terms.append(np.column_stack([np.full(len(rows), owner), rows]))
@@ -38,3 +41,26 @@ def tabulate_signals(system: DelaySystem, base: Floats, signals: Mapping[str, Si
             breaks.setdefault(point.time, [NEVER] * len(base))[owner] = point.order
     table = np.array([[time, *breaks[time]] for time in sorted(breaks)], dtype=float).reshape(len(breaks), 1 + len(base))
     return {"terms": np.concatenate(terms), "record": np.concatenate(record), "breaks": table}
+
+
+def _check_signal(variable: Variable, base: float, signal: Signal, span: tuple[float, float]) -> None:
+    """Refuse a signal that leaves its input's range in a span of time; where its bounds do, its extremes decide."""
+    low, high = signal.range()
+    if variable.low <= base + low and base + high <= variable.high:
+        return
+    for bound in signal.extremes(*span):
+        check_range(variable, base + bound)
+
+
+def check_resolved(signals: Mapping[str, Signal], step: float) -> None:
+    """Refuse sinusoids too fast for a step: sampled so coarsely, they would pass for slower ones.
+
+    Raises:
+        InvalidInputError: one turns by more than `LARGEST_TURN` in a step; the message says which step would do.
+    """
+    for name, signal in signals.items():
+        for term in signal.terms:
+            if term.kind is TermKind.SINE and term.first * step > LARGEST_TURN:
+                limit = f"what a step of {step:g} s resolves, up to {LARGEST_TURN / step:g} rad/s"
+                remedy = f"give a step of at most {LARGEST_TURN / term.first:.3g} s, or a lower frequency"
+                raise out_of_range(f"sine frequency of {name}", term.first, "rad/s", limit, remedy)

@@ -12,12 +12,12 @@ import numpy as np
 from revline.dde import run as runs
 from revline.dde.events import ROUNDING, TOLERANCE
 from revline.dde.failures import explain
-from revline.dde.inputs import tabulate_signals
+from revline.dde.inputs import check_resolved, tabulate_signals
 from revline.dde.kernel import STANDARD, Method, build_kernel
 from revline.dde.memory import as_floats, attach_tables, flatten
 from revline.dde.run import Floats
 from revline.dde.trajectory import Checkpoint, Run, Trajectory, make_room
-from revline.errors import InvalidInputError, out_of_range
+from revline.errors import InvalidInputError, StoppedError, out_of_range
 from revline.signals import Signal
 from revline.system import DelaySystem, check_range
 from revline.values import fingerprint
@@ -53,6 +53,7 @@ class Options:
         every: each how-manieth step is stored.
         method: what integrates.
         progress: told from time to time which part of the run is done.
+        stopped: asked from time to time whether the run shall stop before its end.
         chunk: steps between two looks at progress and interruption; results do not depend on it.
 
     Raises:
@@ -62,6 +63,7 @@ class Options:
     every: int = 1
     method: Method = STANDARD
     progress: Progress | None = None
+    stopped: Callable[[], bool] | None = None
     chunk: int = 200_000
 
     def __post_init__(self) -> None:
@@ -93,16 +95,18 @@ def simulate(
         Samples at every n-th grid step, first and start included.
 
     Raises:
-        InvalidInputError: an input leaves its range, the step is not below the smallest lag, the stop time is before the start, a parameter
-            is no finite number.
+        InvalidInputError: an input leaves its range, the step is not below the smallest lag or too long for a sinusoid, the stop time is
+            before the start, a parameter is no finite number.
         StalledError: a state left its range.
         StepError: a lag fell below the step.
         LagError: a lag became no positive number, or the delayed time ran backwards.
         DivergedError: a state is no finite number any more.
+        StoppedError: `options.stopped` said so; the error holds the run until then.
     """
     options = options or Options()
     if not (math.isfinite(step) and step > 0.0):
         raise out_of_range("step", step, "s", "values above 0", "give a step such as 0.001")
+    check_resolved(signals, step)
     as_floats(system.parameters, system.name)
     run = _new_run(system, start, step, options.every)
     return _advance(system, signals, run, until, options)
@@ -255,11 +259,17 @@ def _advance(system: DelaySystem, signals: Mapping[str, Signal], run: Run, until
         if status == runs.REFUSED:
             raise explain(system, s)
         done = int(s["grid_index"]) - 1
-    if options.progress is not None:
+        if done < target and options.stopped is not None and options.stopped():
+            break
+    if options.progress is not None and done == target:
         options.progress(1.0)
     digests = (system.content_digest, fingerprint(dict(signals)))
     checkpoint = Checkpoint(system_digest=digests[0], signal_digest=digests[1], method=options.method, run=make_room(run, 0))
-    return _make_trajectory(system, samples, notes, checkpoint)
+    if done == target:
+        return _make_trajectory(system, samples, notes, checkpoint)
+    place = f"{system.name} at t = {checkpoint.time:.6g} s of {until:g} s"
+    run_so_far = _make_trajectory(system, samples[: int(s["stored"])], notes, checkpoint)
+    raise StoppedError(f"{place}, stopped from outside", run=run_so_far, time=checkpoint.time)
 
 
 def _reserve_samples(system: DelaySystem, s: runs.Record, target: int) -> Floats:

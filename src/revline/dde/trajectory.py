@@ -87,6 +87,11 @@ class Trajectory:
     def __post_init__(self) -> None:
         make_read_only(self)
 
+    @property
+    def end(self) -> tuple[float, ...]:
+        """States where the run stopped, which is a sample only where the storing meets it."""
+        return tuple(map(float, self.checkpoint.run.state["x"][0][: len(self.state_names)]))
+
     def output(self, name: str) -> Floats:
         """Samples of one output, shape (n,).
 

@@ -125,7 +125,7 @@ def _judge_cycles(series: Series, limits: Criteria, rest: float) -> LimitCycle:
             if _remaining_change(grouped) <= limits.repeat:
                 return _limit_cycle(grouped, swings)
             break
-    raise _undecided(cycles, series, rest)
+    raise _undecided(cycles, series, limits, rest)
 
 
 def _find_cycles(series: Series, limits: Criteria) -> _Cycles:
@@ -212,7 +212,7 @@ def _growth(cycles: _Cycles) -> float:
     return float(np.polyfit(np.arange(cycles.swing.size), np.log(cycles.swing), 1)[0])
 
 
-def _undecided(cycles: _Cycles, series: Series, rest: float) -> NotSettledError:
+def _undecided(cycles: _Cycles, series: Series, limits: Criteria, rest: float) -> NotSettledError:
     """Say what keeps the record from deciding: the oscillation decays, grows, or does not repeat."""
     growth, period, swing = _growth(cycles), float(np.mean(cycles.period)), float(cycles.swing[-1])
     duration = float(series.times[-1] - series.times[0])
@@ -238,9 +238,11 @@ def _undecided(cycles: _Cycles, series: Series, rest: float) -> NotSettledError:
             f"whether it ends in a limit cycle or diverges is not decided; simulate longer than {duration:g} s"
         )
         return NotSettledError(message, **numbers)
-    needed = cycles.end - float(series.times[0]) + math.log(max(swing / (2.0 * rest), 1.0)) / -growth * period
+    at_rest = cycles.end - float(series.times[0]) + math.log(max(swing / (2.0 * rest), 1.0)) / -growth * period
+    needed = 1.02 * at_rest / (1.0 - limits.tail)
     message = (
         f"the oscillation of {period:.4g} s decays by {-growth:.3g} of itself per cycle and is still {swing:.6g} from low to high: "
-        f"no limit cycle, but not at rest; at this rate it comes to rest about {needed:.4g} s after the record's start"
+        f"no limit cycle, but not at rest; at this rate it comes to rest about {at_rest:.4g} s after the record's start; "
+        f"simulate about {needed:.4g} s"
     )
     return NotSettledError(message, needed=needed, **numbers)

@@ -18,6 +18,7 @@ from revline.design.classify import Criteria, classify_outcome
 from revline.design.controller import PidGains
 from revline.design.linear_loop import closed_loop_transfer, closed_loop_transfer_to_control
 from revline.design.linear_plant import linear_plant, step_limit
+from revline.design.loop_equation import form_loop
 from revline.design.loop_simulation import LoopRecord, LoopTrace, Mesh, check_steps, describe_stall, keep_finite, simulate_loop
 from revline.design.outcome import Diverged, LimitCycle, Outcome, Settled
 from revline.design.pid_system import pid_system
@@ -208,7 +209,9 @@ def run_loop(
         )
         raise InvalidInputError(message, given=point.measurement, found=found)
     criteria = replace(task.criteria, bound=max(task.criteria.bound, abs(point.measurement / task.command)))
-    return _judge(plant.name, gains, replace(task, criteria=criteria), record, start=point.measurement, limits=limits, loop=loop)
+    run = _judge(plant.name, gains, replace(task, criteria=criteria), record, start=point.measurement, limits=limits, loop=loop)
+    at_limit = float(run.control[-1]) in limits
+    return run if gains.ki == 0.0 or at_limit else _refuse_creep(run, run.target, task.criteria)
 
 
 def close_loop(plant: DelaySystem, point: OperatingPoint, gains: PidGains, *, wires: LoopSignals, limits: Limits) -> DelaySystem:
@@ -250,7 +253,12 @@ def run_linear_loop(
     """
     record = _record_linear_loop(model, gains, task)
     trace = record.trace._replace(output=record.trace.output + base[1], control=record.trace.control + base[0])
-    return _judge(name, gains, task, LoopRecord(trace, record.failure), start=base[1], limits=Limits())
+    run = _judge(name, gains, task, LoopRecord(trace, record.failure), start=base[1], limits=Limits())
+    if gains.kp == gains.ki == 0.0:  # the command reaches nothing
+        return run
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rest = form_loop(model, gains).static_gain
+    return _refuse_creep(run, base[1] + rest * task.command, task.criteria) if math.isfinite(rest) else run
 
 
 def trace_linear_loop(model: TransferFunction, gains: PidGains, task: LoopTask) -> LoopTrace:
@@ -325,6 +333,22 @@ def _decide(task: LoopTask, record: LoopRecord, target: float, loop: DelaySystem
     if failure is not None and not isinstance(outcome, Diverged):
         raise failure
     return outcome
+
+
+def _refuse_creep(run: LoopRun, end: float, criteria: Criteria) -> LoopRun:
+    """Refuse a run that looks at rest elsewhere than where the loop can rest: it still creeps there.
+
+    Raises:
+        NotSettledError: the run is so; with where it goes.
+    """
+    outcome, unit = run.outcome, run.gains.input_unit
+    if not isinstance(outcome, Settled) or abs(end - outcome.value) <= criteria.rest * abs(run.command) + outcome.residual:
+        return run
+    message = (
+        f"the record of {run.times[-1]:g} s ends near {outcome.value:.6g} {unit} but the loop can rest at {end:.6g} {unit} only: it still "
+        "creeps there; simulate much longer, or raise the integral gain"
+    )
+    raise NotSettledError(message, value=outcome.value, end=end, ki=run.gains.ki)
 
 
 def describe_outcome(run: LoopRun) -> str:

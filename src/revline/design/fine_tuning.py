@@ -51,6 +51,9 @@ GAINS = ("kp", "ki", "kd")
 WIDEST = 100.0
 """Gains are sought between the start divided by this and the start times this."""
 
+EDGE = 1e-3
+"""A gain within this part of the end of its range counts as being there."""
+
 SAMPLES = 1200
 """Samples within the horizon asked for."""
 
@@ -104,13 +107,26 @@ class FineTuning:
     evaluations: int
 
     @property
+    def at_edge(self) -> tuple[str, ...]:
+        """Free gains that ended at an edge of the range sought: there is no optimum inside it."""
+        shifts = {name: abs(math.log(getattr(self.gains, name) / getattr(self.start, name))) for name in self.free}
+        return tuple(name for name, shift in shifts.items() if shift > math.log(WIDEST) - EDGE)
+
+    @property
     def text(self) -> str:
-        """What was done, in a sentence."""
+        """What was done, in a sentence; a second one where the range sought ended the search."""
         freed = ", ".join(self.free)
         origin = "at the start" if self.start_is_stable else "where the loop first is stable, the start being unstable"
-        return (
+        done = (
             f"minimised {self.objective} over {freed} with overshoot at most {100 * self.overshoot_limit:g} %: "
             f"{self.value:.4g} at overshoot {100 * self.overshoot:.2f} %, from {self.start_value:.4g} {origin}"
+        )
+        if not self.at_edge:
+            return done
+        edges = " and ".join(f"{name} = {getattr(self.gains, name):.4g}" for name in self.at_edge)
+        return (
+            f"{done}. {edges}: at the edge of the range sought, {WIDEST:g} times the start or the start over {WIDEST:g}, "
+            "so this is no optimum; the model may lack the delay that bounds its gains"
         )
 
 

@@ -10,6 +10,15 @@ from revline.design.fit import DelayRule, ModelFit, Weight, fit_transfer_functio
 from revline.errors import AnalysisError, InvalidInputError
 from revline.lti.response import Floats, FrequencyResponse
 
+CANCELLING = 0.05
+"""A zero this near to a pole, relative to its size, nearly cancels it: together they move the response by no more."""
+
+UNSEEN = 100.0
+"""A pole so many times the data's highest frequency is 0.6 deg of phase there: the data do not show where it is."""
+
+AT_ORIGIN = 1e-6
+"""A root this small against the data's lowest frequency lies at the origin, as far as the data can tell."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModelStructure:
@@ -106,7 +115,8 @@ def judge_model(fit: ModelFit, *, dominance_ratio: float = 9.0, magnitude_limit_
 
     Args:
         fit: the model with its data.
-        dominance_ratio: a pole at least so many times as fast as the slowest one counts as needless; "about ten times" in the source.
+        dominance_ratio: in a model without delay, a pole at least so many times as fast as the slowest one counts as a stand-in for
+            a delay; "about ten times" in the source. A model with its delay has no use for stand-ins, and its fast poles are the plant's.
         magnitude_limit_db: largest magnitude error.
         phase_limit_deg: largest phase error.
 
@@ -131,7 +141,8 @@ def judge_model(fit: ModelFit, *, dominance_ratio: float = 9.0, magnitude_limit_
     ratios = pole_ratios(fit)
     objections = (
         *_half_plane_objections(fit),
-        *_pole_objections(ratios, dominance_ratio),
+        *_needless_objections(fit),
+        *(_pole_objections(ratios, dominance_ratio) if fit.model.delay == 0.0 else ()),
         *_error_objections(fit, magnitude_limit_db, phase_limit_deg, usable),
     )
     numbers = {
@@ -180,10 +191,28 @@ def _half_plane_objections(fit: ModelFit) -> Iterator[str]:
     for pole in fit.model.poles:
         if pole.real >= 0.0 and pole.imag >= 0.0:
             yield f"the pole at s = {_show(pole)} 1/s is not in the left half plane, so that the model is unstable"
+    origin = AT_ORIGIN * float(fit.data.omega[0])
     for zero in fit.model.zeros:
-        if zero.real > 0.0 and zero.imag >= 0.0:
-            stand_in = f", where a delay of about {2.0 / zero.real:.4f} s would say the same" if zero.imag == 0.0 else ""
+        if zero.real > origin and zero.imag >= 0.0:
+            alone = zero.imag == 0.0 and not _cancels(fit, zero)
+            stand_in = f", where a delay of about {2.0 / zero.real:.4f} s would say the same" if alone else ""
             yield f"the zero at s = {_show(zero)} 1/s lies in the right half plane and limits any controller{stand_in}"
+
+
+def _needless_objections(fit: ModelFit) -> Iterator[str]:
+    """Name poles that the data do not need: those nearly cancelled by a zero, and those far beyond the data's frequencies."""
+    highest = float(fit.data.omega[-1])
+    for pole in fit.model.poles[fit.model.poles.imag >= 0.0]:
+        if _cancels(fit, pole):
+            yield f"the pole at s = {_show(pole)} 1/s is nearly cancelled by a zero; fit one zero and one pole less for each such pole"
+        elif abs(pole) > UNSEEN * highest:
+            yield f"the pole at s = {_show(pole)} 1/s lies far beyond the data, which end at {highest:g} rad/s; fit fewer poles"
+
+
+def _cancels(fit: ModelFit, root: complex) -> bool:
+    """Whether a pole, or a zero, has one of the other kind close by."""
+    near = [np.any(np.abs(roots - root) <= CANCELLING * abs(root)) for roots in (fit.model.poles, fit.model.zeros)]
+    return bool(all(near))
 
 
 def _pole_objections(ratios: Floats, limit: float) -> Iterator[str]:
@@ -217,9 +246,11 @@ def _usable_frequency(fit: ModelFit, magnitude_limit: float, phase_limit: float)
 
 def _praise(fit: ModelFit, fastest: float, dominance_ratio: float) -> str:
     delay = f", with a delay of {fit.model.delay:.4f} s" if fit.model.delay > 0.0 else ""
+    limit = f" (limit {dominance_ratio:g})" if fit.model.delay == 0.0 or fastest < dominance_ratio else ""
+    poles = f" poles at most {fastest:.1f} times as fast as the slowest one{limit}," if fit.model.order > 1 else ""
     return (
-        f"accepted{delay}: stable, no zero in the right half plane, poles at most {fastest:.1f} times as fast as the slowest one"
-        f" (limit {dominance_ratio:g}), magnitude within {fit.max_magnitude_error_db:.1f} dB and phase within"
+        f"accepted{delay}: stable, no zero in the right half plane,{poles}"
+        f" magnitude within {fit.max_magnitude_error_db:.1f} dB and phase within"
         f" {fit.max_phase_error_deg:.1f} deg of the data up to {fit.data.omega[-1]:g} rad/s"
     )
 

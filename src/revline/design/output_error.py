@@ -352,7 +352,8 @@ def _optimum(problem: Problem, best: Floats, gradient: float, found: list[tuple[
     if not condition < _LARGEST_CONDITION:
         message = (
             f"the data cannot tell the {problem.size} parameters of {problem.zeros} zeros and {problem.poles} poles apart"
-            f" (condition number {condition:.1e}, limit {_LARGEST_CONDITION:g}); use fewer zeros or poles"
+            f" (condition number {condition:.1e}, limit {_LARGEST_CONDITION:g}); use fewer zeros or poles;"
+            " a pole at s = 0 is none that can be fitted, as the denominator begins with 1"
         )
         raise AnalysisError(message, condition=condition)
     cost, scale = _cost(problem, best), problem.units / lengths

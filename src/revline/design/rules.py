@@ -5,16 +5,20 @@ A new rule is one function and one entry in `TUNING_RULES`, with its tests.
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from revline.design.controller import PidGains
+from revline.design.fine_tuning import Objective, fine_tune
 from revline.design.step_tangent import StepTangent, TangentReading, measure_step_tangent
 from revline.errors import InvalidInputError, out_of_range
 from revline.lti.transfer_function import TransferFunction
 from revline.units import Dimensionless, RadiansPerSecond
 
 Tangent = StepTangent | TangentReading
+
+RuleValue = float | str | PidGains
+"""What an option of a rule may be: a number, a text, or the gains to begin from."""
 
 
 def tune_pi_pole_placement(
@@ -145,19 +149,52 @@ def _ziegler_nichols(tangent: TangentReading, kp: float, rule: str, designed_on:
     )
 
 
+def _tune_finely(plant: TransferFunction, options: Mapping[str, RuleValue], name: str) -> PidGains:
+    """Fine tuning from given gains, else from those of Ziegler and Nichols; the details say what was minimised, from where to where."""
+    start = options.get("start")
+    if not isinstance(start, PidGains):
+        start = tune_pid_ziegler_nichols(measure_step_tangent(plant), designed_on=name)
+    wish = str(options.get("objective", Objective.SETPOINT_ERROR.value))
+    if wish not in {objective.value for objective in Objective}:
+        message = f"fine-tuning knows no objective {wish!r}; it minimises {' or '.join(objective.value for objective in Objective)}"
+        raise InvalidInputError(message, objective=wish)
+    tuned = fine_tune(
+        plant,
+        start,
+        overshoot_limit=_number(options, "overshoot_limit", 0.1),
+        free=tuple(gain.strip() for gain in str(options.get("free", "ki")).split(",")),
+        objective=Objective(wish),
+        until=_number(options, "horizon", 4.0),
+    )
+    origin: dict[str, float | str] = {"start_rule": start.rule, "start_kp": start.kp, "start_ki": start.ki, "start_kd": start.kd}
+    outcome: dict[str, float | str] = {"overshoot": tuned.overshoot, "objective": wish, "summary": tuned.text}
+    return replace(tuned.gains, designed_on=name, details={**tuned.gains.details, **origin, **outcome})
+
+
+def _number(options: Mapping[str, RuleValue], name: str, default: float = math.nan) -> float:
+    """An option that is a number."""
+    value = options.get(name, default)
+    if not isinstance(value, float | int):
+        message = f"option {name} = {value!r} is no number; give one"
+        raise InvalidInputError(message, option=name)
+    return value
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RuleOption:
-    """A number that a rule asks for.
+    """What a rule asks for besides the plant.
 
     Attributes:
         name: with underscores, as in the rule's function.
-        unit: its unit symbol.
+        unit: its unit symbol; of what is no number, what it is.
         description: a few words for people.
+        default: what holds where it is not given, in words; empty where it must be given.
     """
 
     name: str
     unit: str
     description: str
+    default: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,7 +213,7 @@ class TuningRule:
     summary: str
     source: str
     options: tuple[RuleOption, ...]
-    tune: Callable[[TransferFunction, Mapping[str, float], str], PidGains]
+    tune: Callable[[TransferFunction, Mapping[str, RuleValue], str], PidGains]
 
 
 TUNING_RULES: Final = (
@@ -189,7 +226,7 @@ TUNING_RULES: Final = (
             RuleOption(name="damping", unit="1", description="damping ratio of the closed loop"),
         ),
         tune=lambda plant, options, name: tune_pi_pole_placement(
-            plant, natural_frequency=options["natural_frequency"], damping=options["damping"], designed_on=name
+            plant, natural_frequency=_number(options, "natural_frequency"), damping=_number(options, "damping"), designed_on=name
         ),
     ),
     TuningRule(
@@ -205,6 +242,19 @@ TUNING_RULES: Final = (
         source="Lee (1995), chapter 5",
         options=(),
         tune=lambda plant, _, name: tune_pid_ziegler_nichols_without_gain(measure_step_tangent(plant), designed_on=name),
+    ),
+    TuningRule(
+        name="fine-tuning",
+        summary="gains set free, moved from a start to the least error after a step under a limit on overshoot, the delay exact",
+        source="after Lee (1995), section 5.3; Nelder and Mead (1965), The Computer Journal 7(4), 308-313",
+        options=(
+            RuleOption(name="start", unit="file", description="controller file to begin from", default="the gains of ziegler-nichols"),
+            RuleOption(name="free", unit="names", description="gains set free, of kp,ki,kd", default="ki"),
+            RuleOption(name="overshoot_limit", unit="1", description="largest overshoot, as a fraction of the command", default="0.1"),
+            RuleOption(name="objective", unit="name", description="what is minimised", default="setpoint-error"),
+            RuleOption(name="horizon", unit="s", description="time over which loops are judged", default="4"),
+        ),
+        tune=_tune_finely,
     ),
 )
 
@@ -222,7 +272,7 @@ def find_tuning_rule(name: str) -> TuningRule:
     raise InvalidInputError(message, rule=name)
 
 
-def tune_by_rule(name: str, plant: TransferFunction, *, options: Mapping[str, float], designed_on: str) -> PidGains:
+def tune_by_rule(name: str, plant: TransferFunction, *, options: Mapping[str, RuleValue], designed_on: str) -> PidGains:
     """Tune a controller by a rule of the table.
 
     Args:
@@ -233,10 +283,11 @@ def tune_by_rule(name: str, plant: TransferFunction, *, options: Mapping[str, fl
 
     Raises:
         InvalidInputError: there is no such rule, an option is missing or unknown, or the rule refuses the plant or an option.
+        NotConvergedError: fine tuning finds no gains that do; see `fine_tune`.
     """
     rule = find_tuning_rule(name)
     wanted = {option.name: option for option in rule.options}
-    missing = [option for key, option in wanted.items() if key not in options]
+    missing = [option for key, option in wanted.items() if key not in options and not option.default]
     if missing:
         message = f"tuning rule {name} needs {', '.join(f'{o.name} [{o.unit}] ({o.description})' for o in missing)}; give it"
         raise InvalidInputError(message, rule=name)

@@ -130,7 +130,7 @@ def _require_step_response(plant: TransferFunction) -> None:
         message = "the plant's step response jumps (numerator and denominator are of one degree), so no tangent is steepest; add a lag"
         raise InvalidInputError(message)
     if plant.order == 0 or not plant.is_stable:
-        poles = ", ".join(f"{p:.4g}" for p in plant.poles) or "none"
+        poles = ", ".join(f"{p.real:.4g}" if p.imag == 0.0 else f"{p:.4g}" for p in plant.poles) or "none"
         message = f"the plant's step response settles nowhere (poles at {poles} rad/s); a tangent needs a stable plant"
         raise InvalidInputError(message)
     if plant.static_gain == 0.0:

@@ -7,6 +7,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from revline.errors import InvalidInputError
 
+BLOCK = 10_000
+"""Rows that are turned into text at once: a long table as Python's numbers would take ten times its memory."""
+
 
 def format_csv(columns: Sequence[tuple[str, ArrayLike]], *, notes: Mapping[str, str | float]) -> str:
     """Format columns of numbers as CSV; `revline.io.csv_table.read_csv_table` reads it back to the last bit.
@@ -29,7 +32,10 @@ def format_csv(columns: Sequence[tuple[str, ArrayLike]], *, notes: Mapping[str, 
             raise InvalidInputError(message, column=name)
     lines = [f"# {key}: {_one_line(value)}" for key, value in notes.items()]
     lines.append(",".join(name for name, _ in columns))
-    lines += [",".join(map(repr, row)) for row in zip(*(array.tolist() for array in arrays), strict=True)]
+    length = len(arrays[0]) if arrays else 0
+    for first in range(0, length, BLOCK):
+        block = (array[first : first + BLOCK].tolist() for array in arrays)
+        lines.append("\n".join(",".join(map(repr, row)) for row in zip(*block, strict=True)))
     return "\n".join(lines) + "\n"
 
 

@@ -57,10 +57,12 @@ class EngineVector:
 
     Attributes:
         text: 24 numbers, one per line, each with a comment.
+        numbers: the same.
         notes: one sentence per parameter that is outside the vector and differs from what reading it back gives.
     """
 
     text: str
+    numbers: tuple[float, ...]
     notes: tuple[str, ...]
 
 
@@ -129,15 +131,12 @@ def format_engine_vector(engine: DelaySystem) -> EngineVector:
         message = f"engine {engine.name}: the vector of 24 numbers cannot hold the generic efficiency; write an engine file (.toml)"
         raise InvalidInputError(message)
     lines = [f"# The {len(VECTOR)} parameters of an engine, in the order of Lee (1995)."]
-    for position, (section, key) in enumerate(VECTOR, start=1):
-        part = getattr(parameters, section)
-        if (section, key) == RESERVE:
-            lines.append(f"0.0 # {position}: reserve, always 0")
-        else:
-            lines.append(
-                f"{getattr(part, key)!r} # {position}: {section}.{key}, {unit_of(type(part), key)}; {meaning_of(type(part), key).text}"
-            )
-    return EngineVector(text="\n".join(lines) + "\n", notes=_lost(parameters))
+    numbers = tuple(0.0 if entry == RESERVE else getattr(getattr(parameters, entry[0]), entry[1]) for entry in VECTOR)
+    for position, ((section, key), number) in enumerate(zip(VECTOR, numbers, strict=True), start=1):
+        part = type(getattr(parameters, section))
+        what = "reserve, always 0" if (section, key) == RESERVE else f"{section}.{key}, {unit_of(part, key)}; {meaning_of(part, key).text}"
+        lines.append(f"{number!r} # {position}: {what}")
+    return EngineVector(text="\n".join(lines) + "\n", numbers=numbers, notes=_lost(parameters))
 
 
 def write_engine_vector(engine: DelaySystem, path: Path) -> EngineVector:

@@ -17,11 +17,12 @@ Sizes are in the input's unit and add to the value that the input has otherwise;
 
 import re
 from collections.abc import Mapping
+from pathlib import Path
 
 from revline.errors import InvalidInputError, suggestion
 from revline.io.recorded_files import read_recording
 from revline.signals import Signal, pulse_cycle, sine, sine_cycle, step, trapezoid_cycle
-from revline.system import DelaySystem, index_of
+from revline.system import DelaySystem, Variable
 
 KINDS = ("step", "ramp", "sine", "trapezoids", "sinecycle", "pulses", "file")
 FORMS = (
@@ -33,13 +34,14 @@ BETWEEN = re.compile(r"\+(?=(?:[a-z_]+=)?[a-z]+:)")
 DEFAULT_INPUT = "throttle"
 
 
-def parse_input(text: str, system: DelaySystem, base: Mapping[str, float]) -> dict[str, Signal]:
+def parse_input(text: str, system: DelaySystem, base: Mapping[str, float], *, folder: Path = Path()) -> dict[str, Signal]:
     """Read input signals from a text.
 
     Args:
         text: as in the module's examples.
         system: whose inputs are driven.
         base: value that each input has otherwise, by name; a recording is taken relative to it.
+        folder: where the names of recordings begin.
 
     Returns:
         Signals by input.
@@ -54,13 +56,22 @@ def parse_input(text: str, system: DelaySystem, base: Mapping[str, float]) -> di
             message = f"input {text!r}: {term!r} is no signal; write {FORMS}, sums with +, another input as NAME=..."
             raise InvalidInputError(message, term=term)
         name = match["input"] or DEFAULT_INPUT
-        variable = system.inputs[index_of(system.inputs, name)]
+        variable = _find_input(text, system, name)
         if match["kind"] == "file":
-            signal = read_recording(match["rest"], variable).signal(base[name])
+            signal = read_recording(folder / match["rest"], variable).signal(base[name])
         else:
             signal = _signal(text, term, match["kind"], match["rest"])
         found[name] = found[name] + signal if name in found else signal
     return found
+
+
+def _find_input(text: str, system: DelaySystem, name: str) -> Variable:
+    for variable in system.inputs:
+        if variable.name == name:
+            return variable
+    names = [variable.name for variable in system.inputs]
+    message = f"input {text!r}: there is no signal {name}{suggestion(name, names)}; there are {', '.join(names)}"
+    raise InvalidInputError(message, name=name)
 
 
 def _signal(text: str, term: str, kind: str, rest: str) -> Signal:

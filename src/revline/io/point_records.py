@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from numpy.typing import ArrayLike
 
 from revline.analysis.linearize import Linearization
+from revline.analysis.operating_range import ErrorMeasure, LineFit, OperatingRange
 from revline.analysis.steady_map import SteadyMap
 from revline.analysis.trim import Trim
 from revline.io.csv_text import format_csv
@@ -79,6 +80,7 @@ def map_record(steady_map: SteadyMap, *, load: float) -> Mapping[str, object]:
                 "throttle_deg": trim.input("throttle"),
                 "speed_rad_s": trim.output("engine_speed"),
                 "pressure_kpa": trim.output("manifold_pressure"),
+                **{name: trim.output(signal) for name, signal in MAP_COLUMNS[3:]},
                 "stable": trim.stable,
             }
             for trim in steady_map.trims
@@ -101,6 +103,38 @@ def format_map(steady_map: SteadyMap, *, load: float) -> str:
     ]
     stable = ("stable", [trim.stable for trim in steady_map.trims])
     return format_csv([*columns, stable], notes={"engine": steady_map.system, "load_n_m": load})
+
+
+def line_record(line: LineFit) -> Mapping[str, object]:
+    """Give a straight line through the steady speeds of an engine over a range of its throttle as a record.
+
+    Args:
+        line: of a map swept over the throttle.
+    """
+    return {
+        "low_deg": line.low,
+        "high_deg": line.high,
+        "slope_rad_s_per_deg": line.slope,
+        "intercept_rad_s": line.intercept,
+        "max_error_rad_s": line.max_error,
+        "max_error_at_deg": line.max_error_at,
+        **({"max_error_of_span": line.max_error_fraction} if line.span else {}),
+    }
+
+
+def operating_range_record(found: OperatingRange) -> Mapping[str, object]:
+    """Give the widest range of an engine's throttle in which a straight line holds as a record.
+
+    Args:
+        found: on a map swept over the throttle.
+    """
+    return {
+        **line_record(found.line),
+        "centre_deg": found.centre,
+        "tolerance": found.tolerance,
+        "tolerance_is": "part of the span" if found.measure is ErrorMeasure.FRACTION else "rad/s",
+        "limited_by": found.limited_by.value,
+    }
 
 
 def linearization_record(linearization: Linearization, trim: Trim) -> Mapping[str, object]:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,15 +11,23 @@ from revline.errors import InvalidInputError, out_of_range
 from revline.io.atomic import write_atomically
 from revline.io.csv_table import CsvTable, read_csv_table
 from revline.io.csv_text import format_csv
-from revline.lti.response import Complexes, Floats, FrequencyResponse
+from revline.lti.response import Complexes, Floats, FrequencyResponse, count_turns
 from revline.units import DEGREE
 from revline.values import make_read_only
 
 DEFAULT_AMPLITUDE = 5.0
 """Input amplitude in deg of a file that gives output amplitudes and does not say of which input; that of Lee (1995), Table 4.1."""
 
+_TURNS = ("phase_turns", "counted")
+"""The comment of a file whose phases have all their turns, told by more than the values themselves."""
+
+PARTIAL = "partial"
+"""The comment of a file that holds only a part of the response asked for: what is missing, and why."""
+
 _AGREEMENT = 1e-9
 _TINY = 1e-300
+_FEWEST_FOR_SLOPE = 5
+_LARGEST_LEAD = 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,12 +118,14 @@ def read_response(path: str | Path, *, columns: Mapping[str, str] | None = None,
     if rectangular:
         values = _read_rectangular(table, values, phases)
     response = _make_response(table, omega, values, is_amplitude=size_quantity.is_amplitude)
+    if table.metadata.get(_TURNS[0]) == _TURNS[1]:
+        response = replace(response, turns=count_turns(values, phases / DEGREE))
     return ResponseFile(
         response=response,
         input_amplitude=used,
         distortion=table.numbers("distortion") if "distortion" in table.header else np.zeros(0),
         metadata=table.metadata,
-        notes=(*notes, *_turn_notes(response, phases)),
+        notes=(*notes, *_turn_notes(response, phases), *_lead_notes(response), *_partial_notes(table)),
     )
 
 
@@ -134,7 +144,7 @@ def write_response(path: str | Path, response: FrequencyResponse, *, amplitude: 
     write_atomically(path, format_response(response, amplitude=amplitude, distortion=distortion), "frequency response")
 
 
-def format_response(response: FrequencyResponse, *, amplitude: float, distortion: Floats | None = None) -> str:
+def format_response(response: FrequencyResponse, *, amplitude: float, distortion: Floats | None = None, partial: str = "") -> str:
     """Format a frequency response as CSV, so that `read_response` gives it back to the last bit.
 
     Columns: frequency_rad_s, amplitude_rad_s (magnitude where the output is no speed in rad/s), phase_deg, distortion where given, and
@@ -144,6 +154,7 @@ def format_response(response: FrequencyResponse, *, amplitude: float, distortion
         response: what to write.
         amplitude: of the input, in its unit; amplitudes are the magnitude times this.
         distortion: one per frequency, where the method has it.
+        partial: what is missing and why, where the response is not whole.
 
     Raises:
         InvalidInputError: the amplitude is not positive, the lengths differ, there is a frequency of 0, a magnitude is beyond the range
@@ -156,7 +167,8 @@ def format_response(response: FrequencyResponse, *, amplitude: float, distortion
             raise InvalidInputError(message)
     entries = _columns(response, amplitude, distortion)
     entries += [("gain_real", response.values.real), ("gain_imag", response.values.imag)]
-    return format_csv(entries, notes=dict(notes))
+    remarks = {PARTIAL: partial} if partial else {}
+    return format_csv(entries, notes={**dict(notes), **remarks})
 
 
 def response_rows(response: FrequencyResponse, *, amplitude: float, distortion: Floats | None = None) -> list[dict[str, float]]:
@@ -206,6 +218,7 @@ def _metadata(response: FrequencyResponse, amplitude: float) -> tuple[tuple[str,
         ("output_unit", response.output_unit),
         ("method", response.method),
         ("known_delay_s", repr(float(response.known_delay))),
+        *((_TURNS,) if response.turns.size else ()),
     )
 
 
@@ -221,7 +234,7 @@ def _find_quantity(table: CsvTable, role: str, columns: dict[str, str]) -> tuple
     wanted = ", ".join(quantity.name for quantity in QUANTITIES if quantity.role == role)
     if not present:
         message = f"{table.path}, line {table.header_line}: no {role} column among {', '.join(table.header)}; name one {wanted},"
-        message += " or say which column it is"
+        message += " or say which column it is, as --columns QUANTITY=COLUMN does"
         raise InvalidInputError(message, role=role)
     if len(present) > 1:
         names = " and ".join(column for _, column in present)
@@ -305,6 +318,10 @@ def _make_response(table: CsvTable, omega: Floats, values: Complexes, *, is_ampl
     )
 
 
+def _partial_notes(table: CsvTable) -> tuple[str, ...]:
+    return (f"{table.path} is partial: {table.metadata[PARTIAL]}",) if PARTIAL in table.metadata else ()
+
+
 def _turn_notes(response: FrequencyResponse, phases: Floats) -> tuple[str, ...]:
     """Say where the phase of the file has other full turns than the phase that the values alone give."""
     turns = np.round((response.phase_deg - phases / DEGREE) / 360.0)
@@ -312,3 +329,23 @@ def _turn_notes(response: FrequencyResponse, phases: Floats) -> tuple[str, ...]:
         return ()
     first = float(response.omega[np.flatnonzero(turns)[0]])
     return (f"the phase in the file and the phase unwrapped from the lowest frequency differ by full turns from {first:g} rad/s on",)
+
+
+def _lead_notes(response: FrequencyResponse) -> tuple[str, ...]:
+    """Say where the phase leads what the slope of the magnitude allows a stable system: a lag given as positive, or radians as degrees.
+
+    Source: Bode (1945), Network Analysis and Feedback Amplifier Design, chapter 14: a slope of n in the logarithms is worth n times 90 deg.
+    """
+    if response.omega.size < _FEWEST_FOR_SLOPE or not np.all(response.magnitude > 0.0):
+        return ()
+    slope = np.gradient(np.log(response.magnitude), np.log(response.omega))
+    lead = response.phase_deg - 90.0 * slope
+    lead -= 180.0 * np.round(lead[0] / 180.0)
+    if float(np.median(lead)) <= _LARGEST_LEAD:
+        return ()
+    message = (
+        f"the phase leads by {np.median(lead):.0f} deg (median) what the slope of the magnitude allows a stable system: if the column"
+        " holds a lag as a positive number name it phase_lag_deg, and if it holds radians phase_rad (or say so with --columns);"
+        " else the plant is unstable"
+    )
+    return (message,)

@@ -3,10 +3,12 @@
 The state file is NAME.csv.state.npz; it holds arrays and texts, nothing that could run.
 """
 
+import contextlib
 import io
 import json
-import re
+import math
 import zipfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,19 +18,27 @@ from revline.dde.kernel import STANDARD
 from revline.dde.trajectory import Checkpoint, Run, Trajectory
 from revline.errors import InvalidInputError
 from revline.io.csv_text import format_csv
+from revline.io.headers import header as column_header
 
 SCHEMA = "revline.run/1"
+MOST_SAMPLES = 10_000_000
+"""Samples in one file: about 2 GB of text."""
+
 ARRAYS = ("state", "nodes", "segments")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunOrigin:
-    """What a run was made from, as the command line names it: engine, throttle in deg, load in N m, input text."""
+    """What a run was made from, as the command line names it: engine, throttle in deg, load in N m, input text.
+
+    Names of files in it begin in `folder`.
+    """
 
     engine: str
     throttle: float
     load: float
     input: str
+    folder: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -44,8 +54,52 @@ def state_path(path: Path) -> Path:
     return path.with_name(f"{path.name}.state.npz")
 
 
-def format_run(trajectory: Trajectory, origin: RunOrigin) -> str:
-    """Format a run's samples as CSV: time, inputs, states that are no output, outputs; every column names its unit."""
+def check_place(path: Path, continued: Path | None) -> None:
+    """Refuse a place that cannot hold a run's two files, or would replace the run that is continued.
+
+    Args:
+        path: of the samples.
+        continued: the run that goes on.
+
+    Raises:
+        InvalidInputError: as said.
+    """
+    if str(path) == "-":
+        message = "a run has two files, its samples and its state; name a file after --out"
+        raise InvalidInputError(message)
+    if continued is not None and path.resolve() == continued.resolve():
+        message = f"--out {path} would replace the run that is continued, whose samples would be lost; name another file"
+        raise InvalidInputError(message, path=str(path))
+
+
+def check_samples(duration: float, step: float, every: int) -> None:
+    """Refuse a run of more samples than a file shall hold.
+
+    Args:
+        duration: of the run, in seconds.
+        step: between grid points, in seconds.
+        every: each how-manieth is stored.
+
+    Raises:
+        InvalidInputError: the message says with which `--every` it fits.
+    """
+    if not (math.isfinite(duration) and math.isfinite(step) and step > 0.0 and every > 0):
+        return  # refused elsewhere, by name
+    count = duration / step / every
+    if count > MOST_SAMPLES:
+        fitting = math.ceil(duration / step / MOST_SAMPLES)
+        message = f"{count:.4g} samples are more than a file shall hold, {MOST_SAMPLES}; give --every {fitting} or more, or stop earlier"
+        raise InvalidInputError(message, samples=count)
+
+
+def format_run(trajectory: Trajectory, origin: RunOrigin, more: Mapping[str, str | float] | None = None) -> str:
+    """Format a run's samples as CSV: time, inputs, states that are no output, outputs; every column names its unit.
+
+    Args:
+        trajectory: the run.
+        origin: what it was made from, for the comment lines.
+        more: further comment lines, by key.
+    """
     columns = [("time_s", trajectory.times)]
     seen = {"time_s"}
     parts = (
@@ -55,7 +109,7 @@ def format_run(trajectory: Trajectory, origin: RunOrigin) -> str:
     )
     for names, units, table in parts:
         for position, (name, unit) in enumerate(zip(names, units, strict=True)):
-            header = column_name(name, unit)
+            header = column_header(name, unit)
             if header not in seen:
                 seen.add(header)
                 columns.append((header, table[:, position]))
@@ -66,12 +120,13 @@ def format_run(trajectory: Trajectory, origin: RunOrigin) -> str:
         "input": origin.input or "none",
         "step_s": trajectory.step,
     }
-    return format_csv(columns, notes=notes)
+    return format_csv(columns, notes={**notes, **(more or {})})
 
 
-def column_name(name: str, unit: str) -> str:
-    """Column header of a signal: its name and its unit, "manifold_pressure_kpa"."""
-    return name if unit == "1" else f"{name}_{re.sub(r'[^a-z0-9]+', '_', unit.lower()).strip('_')}"
+def drop_run_state(path: Path) -> None:
+    """Remove the state beside a run's CSV, if there is one."""
+    with contextlib.suppress(OSError):
+        state_path(path).unlink(missing_ok=True)
 
 
 def write_run_state(path: Path, trajectory: Trajectory, origin: RunOrigin) -> None:
@@ -92,6 +147,7 @@ def write_run_state(path: Path, trajectory: Trajectory, origin: RunOrigin) -> No
         "throttle": origin.throttle,
         "load": origin.load,
         "input": origin.input,
+        "folder": origin.folder,
     }
     run = checkpoint.run
     buffer = io.BytesIO()
@@ -121,7 +177,9 @@ def read_run_state(path: Path) -> SavedRun:
             about = json.loads(str(content["about"]))
             state, nodes, segments = (content[name] for name in ARRAYS)
         _check_schema(about["schema"], target)
-        origin = RunOrigin(engine=about["engine"], throttle=about["throttle"], load=about["load"], input=about["input"])
+        origin = RunOrigin(
+            engine=about["engine"], throttle=about["throttle"], load=about["load"], input=about["input"], folder=about["folder"]
+        )
         checkpoint = Checkpoint(
             system_digest=about["system_digest"],
             signal_digest=about["signal_digest"],

@@ -45,7 +45,9 @@ def inverse_laplace(numerator: Sequence[float], poles: Complexes, times: Floats)
     undo = np.concatenate([np.ones(1), np.cumprod(1.0 / coupling)])
     with np.errstate(all="ignore"):
         row = _bidiagonal_exponential(ordered, coupling, times.ravel())[0]
-        answer: Floats = np.asarray(((newton_form(numerator, ordered) * undo) @ row).real).reshape(times.shape)
+        weights = newton_form(numerator, ordered) * undo
+        # A sum, not @: for so few poles the threads that a matrix product wakes cost a hundred times the product.
+        answer: Floats = np.sum(weights[:, None] * row, axis=0).real.reshape(times.shape)
     if not np.all(np.isfinite(answer)):
         message = f"the response exceeds the range of numbers within {float(np.max(times)):g} s; ask for earlier times"
         raise InvalidInputError(message)
@@ -64,11 +66,17 @@ def _bidiagonal_exponential(diagonal: Complexes, coupling: Floats, times: Floats
     norm = float(np.max(times)) * float(np.max(np.abs(diagonal) + np.append(coupling, 0.0)))
     squarings = max(0, math.ceil(math.log2(norm))) if norm > 0.0 else 0
     step = times / 2.0**squarings
-    unit = np.eye(diagonal.size)[:, :, None]
-    result = np.broadcast_to(unit, (diagonal.size, diagonal.size, times.size)).astype(complex)
+    result = np.zeros((diagonal.size, diagonal.size, times.size), dtype=complex)
+    result[np.arange(diagonal.size), np.arange(diagonal.size)] = 1.0
     for k in range(_TAYLOR_TERMS, 0, -1):
-        below = np.concatenate([coupling[:, None, None] * result[1:], np.zeros_like(result[:1])])
-        result = unit + (diagonal[:, None, None] * result + below) * (step / k)
+        share = step / k
+        for i in range(diagonal.size):  # in place: each row reads itself and the row below, which is not yet new
+            row = result[i, i:]
+            row *= diagonal[i]
+            if i + 1 < diagonal.size:
+                row[1:] += coupling[i] * result[i + 1, i + 1 :]
+            row *= share
+            row[0] += 1.0
     index = np.arange(diagonal.size)
     for _ in range(squarings):
         step = 2.0 * step

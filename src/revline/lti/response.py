@@ -1,7 +1,7 @@
 """Frequency responses as values: how one output answers a small sine on one input."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +12,7 @@ from revline.values import make_read_only
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+Turns = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -26,6 +27,7 @@ class FrequencyResponse:
         method: how the values were found, for example "peaks" or "exact".
         known_delay: delay in s that the values are known to contain; the phase is unwrapped after removing it, so that a grid too
             coarse for the delay still gives the right number of turns.
+        turns: whole turns to add to each value's own phase, where they are known otherwise; of size 0 where the phase is unwrapped.
 
     Raises:
         InvalidInputError: no frequency, unequal lengths, values that are not finite, frequencies that do not rise, or a negative delay.
@@ -39,6 +41,7 @@ class FrequencyResponse:
     output_unit: str = "1"
     method: str = ""
     known_delay: Seconds = 0.0
+    turns: Turns = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     def __post_init__(self) -> None:
         omega, values = check_frequencies(self.omega), np.array(self.values, dtype=complex)
@@ -49,6 +52,9 @@ class FrequencyResponse:
             bad = float(omega[~np.isfinite(values)][0])
             message = f"the response at {bad:g} rad/s is not finite; leave that frequency out"
             raise InvalidInputError(message, frequency=bad)
+        if self.turns.size and self.turns.shape != omega.shape:
+            message = f"{omega.size} frequencies with turns of shape {self.turns.shape}; give one number for each frequency, or none"
+            raise InvalidInputError(message)
         check_delay(self.known_delay)
         object.__setattr__(self, "omega", omega)
         object.__setattr__(self, "values", values)
@@ -70,9 +76,22 @@ class FrequencyResponse:
 
     @property
     def phase_deg(self) -> Floats:
-        """Phase in degrees, negative for lag, unwrapped from the lowest frequency on after removing the known delay."""
+        """Phase in degrees, negative for lag: with its known turns, else unwrapped from the lowest frequency on without the known delay."""
+        if self.turns.size:
+            return np.angle(self.values) / DEGREE + 360.0 * self.turns
         lag = self.omega * self.known_delay
         return (np.unwrap(np.angle(self.values * np.exp(1j * lag))) - lag) / DEGREE
+
+
+def count_turns(values: Complexes, phase_deg: Floats) -> Turns:
+    """Count the whole turns by which known phases differ from those that complex values have by themselves.
+
+    Args:
+        values: complex responses.
+        phase_deg: their phases in degrees, with all turns.
+    """
+    found: Turns = np.round((phase_deg - np.angle(values) / DEGREE) / 360.0).astype(np.int64)
+    return found
 
 
 def check_frequencies(omega: ArrayLike) -> Floats:

@@ -20,7 +20,6 @@ from revline.report.style import (
     FREQUENCY,
     MODELS,
     PHASE,
-    TALL,
     VERMILION,
     Look,
     Quantity,
@@ -110,7 +109,7 @@ def plot_response_errors(traces: Sequence[ErrorTrace]) -> Figure:
         InvalidInputError: there are none, columns differ in length, hold what is not finite, or a frequency is not positive.
     """
     check_some("errors", traces)
-    figure = new_figure(height=TALL)
+    figure = new_figure()
     magnitude, phase = figure.subplots(2, 1, sharex=True)
     use_log(phase, "x")
     notes: list[tuple[Axes, Note]] = []
@@ -175,7 +174,7 @@ def plot_phase_line(omega: ArrayLike, difference_deg: ArrayLike, *, slope: Secon
 def _draw_bode(traces: Sequence[BodeTrace]) -> tuple[Figure, Axes, Axes]:
     check_some("frequency responses", traces)
     first = traces[0].response
-    figure = new_figure(height=TALL)
+    figure = new_figure()
     magnitude, phase = figure.subplots(2, 1, sharex=True)
     use_log(phase, "x")
     free = itertools.cycle(MODELS)

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from revline.errors import InvalidInputError
 from revline.report.notes import Note, mark_points, place_notes
 from revline.report.parts import Curve, Level, check_some, draw_curves, draw_levels
-from revline.report.style import HEIGHT, PALE, Quantity, add_legend, drawn, finish_layout, label_axes, new_figure, use_log
+from revline.report.style import PALE, TALL, WIDE, Quantity, add_legend, drawn, finish_layout, label_axes, new_figure, use_log
 
 Limits = tuple[float, float]
 
@@ -88,7 +88,7 @@ def plot_curves_with_detail(
     if detail.x is None:
         message = "a detail has no limits in x; give them, they say which part it shows"
         raise InvalidInputError(message)
-    figure = new_figure(height=HEIGHT + 1.0)
+    figure = new_figure(height=TALL, width=WIDE)
     upper, lower = figure.subplots(2, 1)
     _fill(upper, curves, view, levels=levels, verticals=())
     _fill(lower, curves, _with_heights(curves, detail), levels=levels, verticals=())

@@ -64,17 +64,25 @@ def groups(columns: tuple[Column, ...]) -> tuple[Group, ...]:
 
 
 def shown_check(check: Check) -> ShownCheck:
-    """A check with its numbers one digit finer than its tolerance."""
-    decimals = check_decimals(check)
+    """A check with its numbers one digit finer than its tolerance; what should be 0 shows how near it is, a yes or no is 1 or 0."""
+    measured, expected = _shown_numbers(check)
     return ShownCheck(
         name=check.name,
-        measured=format_decimals(check.measured, decimals),
-        expected=format_decimals(check.expected, decimals),
+        measured=measured,
+        expected=expected,
         tolerance=format_number(check.tolerance, 2) if check.tolerance else "0",
         unit=format_unit(check.unit),
         percent=round(100.0 * min(share_of_tolerance(check), 9.99)),
         passed=check.passed,
     )
+
+
+def _shown_numbers(check: Check) -> tuple[str, str]:
+    if check.expected == 0.0 and check.tolerance > 0.0:
+        return format_number(check.measured, 2), "0"
+    whole = check.tolerance == 0.0 and check.measured.is_integer() and check.expected.is_integer()
+    decimals = 0 if whole else check_decimals(check)
+    return format_decimals(check.measured, decimals), format_decimals(check.expected, decimals)
 
 
 def checks_in_words(checks: tuple[Check, ...]) -> str:

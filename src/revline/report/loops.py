@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from revline.design.outcome import Diverged, LimitCycle, Outcome, Settled, Stalled
@@ -17,10 +18,12 @@ from revline.report.style import (
     BLACK,
     BLUE,
     GREEN,
+    HEIGHT,
     PALE,
     TALL,
     TIME,
     VERMILION,
+    WIDE,
     Look,
     Quantity,
     add_legend,
@@ -98,9 +101,9 @@ def plot_loop(trace: LoopTrace, output: Quantity, control: Quantity, *, until: S
         message = f"no sample of the closed loop lies before {end:g} s; the first is at {trace.times[0]:g} s"
         raise InvalidInputError(message, until=end)
     cycle = trace.outcome if isinstance(trace.outcome, LimitCycle) else None
-    figure = new_figure(height=TALL)
+    figure = new_figure(height=TALL, width=WIDE) if cycle else new_figure(height=HEIGHT + 0.3)
     grid = figure.subplots(
-        2, 2 if cycle else 1, squeeze=False, sharex="col", height_ratios=(1.5, 1.0), width_ratios=(1.7, 1.0) if cycle else (1.0,)
+        2, 2 if cycle else 1, squeeze=False, sharex="col", height_ratios=(1.2, 1.0), width_ratios=(1.7, 1.0) if cycle else (1.0,)
     )
     _draw_pair(grid[0, 0], grid[1, 0], trace, (float(trace.times[0]), end), (output, control))
     label_axes(grid[0, 0], None, output)
@@ -111,11 +114,12 @@ def plot_loop(trace: LoopTrace, output: Quantity, control: Quantity, *, until: S
         _draw_pair(grid[0, 1], grid[1, 1], trace, window, (output, control))
         _draw_bounds(grid[0, 1], trace, cycle, window, output)
         grid[1, 1].set_xlabel(TIME.label)
+        grid[1, 1].xaxis.set_major_locator(MaxNLocator(3))
         if window[0] < end:
             for axes in grid[:, 0]:
                 axes.axvspan(window[0], min(window[1], end), color=PALE, alpha=0.6, linewidth=0.0, zorder=0.5, label="enlarged at right")
     mark_points(grid[0, 0], notes)
-    grid[0, 0].margins(y=0.12)
+    grid[0, 0].margins(y=0.2)
     figure.align_ylabels()
     add_legend(figure)
     finish_layout(figure)

@@ -20,7 +20,7 @@ MARKERS: Final = (
 
 
 class PoleSet(NamedTuple):
-    """Poles of one model, in rad/s."""
+    """Poles of one model, in 1/s."""
 
     poles: ArrayLike
     label: str
@@ -50,7 +50,7 @@ def plot_poles(sets: Sequence[PoleSet]) -> Figure:
         line = draw_curve(axes, real, imaginary, entry.look or MARKERS[k % len(MARKERS)], entry.label)
         line.set(markersize=7.0, markeredgewidth=1.4, markerfacecolor="none")
     axes.margins(0.08)
-    label_axes(axes, Quantity("real part", "rad/s"), Quantity("imaginary part", "rad/s"))
+    label_axes(axes, Quantity("real part", "1/s"), Quantity("imaginary part", "1/s"))
     add_legend(figure)
     finish_layout(figure)
     return figure

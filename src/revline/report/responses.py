@@ -19,10 +19,11 @@ from revline.report.style import (
     BLUE,
     GREEN,
     GREY,
-    HEIGHT,
     MODELS,
+    TALL,
     TIME,
     VERMILION,
+    WIDE,
     Look,
     Quantity,
     add_legend,
@@ -180,7 +181,7 @@ def plot_tangents(traces: Sequence[TangentTrace], quantity: Quantity) -> Figure:
     if len(traces) > 2:
         message = f"{len(traces)} step responses do not fit side by side; give one or two"
         raise InvalidInputError(message, traces=len(traces))
-    figure = new_figure(height=HEIGHT + 1.2)
+    figure = new_figure(height=TALL, width=WIDE)
     rows = figure.subplots(2, len(traces), squeeze=False, sharey="row")
     for column, trace in enumerate(traces):
         t, y = check_columns(f"step response of {trace.label}", times=trace.times, values=trace.values)

@@ -49,7 +49,7 @@ def plot_spectrum(
 
     Args:
         frequencies: of the lines, in rad/s, rising.
-        magnitudes: of the lines, none negative; a line of magnitude 0 is drawn at the lower edge.
+        magnitudes: of the lines, none negative; what lies below the lower edge is drawn there, without a mark.
         input_frequency: of the sinusoid that was put in.
         peak_frequency: where the highest line is, that at zero frequency left out.
         peak: its magnitude.
@@ -77,15 +77,18 @@ def plot_spectrum(
     axes = figure.subplots()
     use_log(axes, "y")
     axes.fill_between(omega[shown], floor, np.maximum(lines[shown], floor), color=BLUE, alpha=0.12, linewidth=0.0)
-    draw_curve(
-        axes, omega[shown], np.maximum(lines[shown], floor), Look(BLUE, "-", "o" if np.count_nonzero(shown) <= FEW else "", width=1.2)
-    )
-    multiples = [Level(k * input_frequency, "multiples of it" if k == 2 else "", dash=":") for k in range(2, HARMONICS + 1)]
-    input_line = Level(input_frequency, f"input frequency {input_frequency:g} rad/s", colour=VERMILION)
+    draw_curve(axes, omega[shown], np.maximum(lines[shown], floor), Look(BLUE, "-", width=1.2))
+    seen = shown & (lines > floor)
+    if np.count_nonzero(shown) <= FEW:
+        draw_curve(axes, omega[seen], lines[seen], Look(BLUE, "", "o"))
+    multiples = [Level(k * input_frequency, "multiples" if k == 2 else "", dash=":") for k in range(2, HARMONICS + 1)]
+    input_line = Level(input_frequency, f"input {input_frequency:g} rad/s", colour=VERMILION)
     draw_levels(axes, vertical=[input_line, *multiples])
     notes = [Note(peak_frequency, peak, f"peak {peak:.4g} {magnitude.unit} at {peak_frequency:.4g} rad/s")]
     mark_points(axes, notes)
-    axes.set_xlim(0.0, end)
+    if omega[0] == 0.0 and seen[0]:
+        draw_curve(axes, omega[:1], lines[:1], Look(BLUE, "", "o", filled=False), "mean").set(markersize=6.5)
+    axes.set_xlim(-0.12 * input_frequency, end)
     axes.set_ylim(floor, 4.0 * max(highest, peak))
     label_axes(axes, FREQUENCY, magnitude)
     add_legend(figure)

@@ -24,10 +24,11 @@ if TYPE_CHECKING:
 
 P = ParamSpec("P")
 
-WIDTH: Final = 6.4
-HEIGHT: Final = 4.2
-TALL: Final = 5.0
-DPI: Final = 150
+WIDTH: Final = 4.8
+WIDE: Final = 6.4
+HEIGHT: Final = 3.6
+TALL: Final = 4.4
+DPI: Final = 200
 
 BLUE: Final = "#0072B2"
 VERMILION: Final = "#D55E00"
@@ -43,7 +44,7 @@ SETTINGS: Final["MappingProxyType[RcKeyType, object]"] = MappingProxyType(
     {
         "font.family": ("DejaVu Sans",),
         "font.size": 9.0,
-        "axes.labelsize": 9.5,
+        "axes.labelsize": 9.0,
         "axes.linewidth": 0.8,
         "axes.edgecolor": GREY,
         "axes.labelcolor": BLACK,
@@ -163,9 +164,9 @@ def drawn(function: Callable[P, Figure]) -> Callable[P, Figure]:
     return draw
 
 
-def new_figure(*, height: float = HEIGHT) -> Figure:
-    """Begin a figure as wide as a page's column."""
-    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+def new_figure(*, height: float = HEIGHT, width: float = WIDTH) -> Figure:
+    """Begin a figure that stays legible when two share the width of a page; one of many panels is `WIDE` and stands alone."""
+    figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
@@ -198,15 +199,17 @@ def add_legend(figure: Figure, *, columns: int = 0) -> None:
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             entries.setdefault(label, handle)
     if entries:
-        figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=columns or _columns(tuple(entries)))
+        figure.legend(
+            entries.values(), entries.keys(), loc="outside upper center", ncols=columns or _columns(tuple(entries), figure.get_figwidth())
+        )
 
 
-def _columns(labels: tuple[str, ...]) -> int:
-    """As many columns as fit the width; a character is 0.07 in wide on average, a handle with its gaps 0.56 in."""
+def _columns(labels: tuple[str, ...], width: float) -> int:
+    """As many columns as fit a width in inches; a character is 0.07 in wide on average, a handle with its gaps 0.56 in."""
     for columns in range(len(labels), 1, -1):
         rows = math.ceil(len(labels) / columns)
         widths = [0.56 + 0.07 * max(map(len, labels[k : k + rows])) for k in range(0, len(labels), rows)]
-        if sum(widths) < WIDTH - 0.2:
+        if sum(widths) < width - 0.2:
             return columns
     return 1
 

@@ -3,6 +3,7 @@
 Every text is a string literal, so that nothing in it is read as markup.
 """
 
+import re
 from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 
@@ -29,13 +30,14 @@ from revline.report.numbers import format_unit
 from revline.report.typst_math import render_typst_math, typst_string
 
 TEXT_WIDTH_CM = 16.8
-TALLEST_FIGURE_CM = 8.9
-"""Two such figures with captions of two lines fit on a page."""
+TALLEST_FIGURE_CM = 7.0
+"""Two such figures with captions of two lines fit on a page, and text beside them."""
 
 _WIDEST_FIGURE_CM = 14.5
 _ALIGNS = MappingProxyType({Align.LEFT: "left", Align.CENTRE: "center", Align.RIGHT: "right", Align.DECIMAL: "right"})
 _SIZES = ((6, "9.5pt"), (8, "8.6pt"))
 _SMALLEST = "7.6pt"
+_SLASH = re.compile(r"(?<=[A-Za-z])/(?=[A-Za-z(])")
 
 
 class TypstWriter:
@@ -194,6 +196,7 @@ class TypstWriter:
             aligns=("left", "right", "right", "right", "left", "left", "left"),
             grouped="()",
             parts=(_array(f'column-head({_literal(head)}, "")' for head in heads), _array(cells), "()"),
+            first="1fr",
         )
 
 
@@ -203,7 +206,8 @@ def picture_path(figure: FigureBlock, picture: Picture) -> str:
 
 
 def _literal(text: str) -> str:
-    return typst_string(one_line(text))
+    """A text as a string; units such as rad/s stay on one line."""
+    return typst_string(_SLASH.sub("/\u2060", one_line(text)))
 
 
 def _array(items: Iterator[str] | list[str]) -> str:
@@ -221,10 +225,12 @@ def _badges(document: Document) -> Iterator[str]:
         yield f'("caution", {_literal(warnings)})'
 
 
-def _sheet(*, anchor: str, name: str, caption: str, aligns: tuple[str, ...], grouped: str, parts: tuple[str, str, str]) -> str:
-    """A table; its first column takes the room that the others leave where there are many."""
+def _sheet(
+    *, anchor: str, name: str, caption: str, aligns: tuple[str, ...], grouped: str, parts: tuple[str, str, str], first: str = "auto"
+) -> str:
+    """A table; `first` is the width of its first column, "1fr" for all the room that the others leave."""
     size = next((size for most, size in _SIZES if len(aligns) <= most), _SMALLEST)
-    columns = _array(["auto"] * len(aligns))
+    columns = _array([first, *["auto"] * (len(aligns) - 1)])
     return (
         f"#sheet({_literal(anchor)}, {_literal(name)}, {caption}, {size}, {columns}, {_array(list(aligns))}, {grouped}, {', '.join(parts)})"
     )

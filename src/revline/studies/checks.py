@@ -153,7 +153,7 @@ def _coefficient_checks(
         ("denominator", model.denominator[1:], expected[1], 1),
     ):
         for k, value in enumerate(wanted):
-            yield _check(f"{source}: {title(name)}, {part}, power {k + first}", got[k] / value, 1.0, relative)
+            yield _check(f"{source}: {title(name)}, {part}, power {k + first}, over the expected", got[k] / value, 1.0, relative)
 
 
 def _controller_checks(results: "StudyResults") -> Iterator[Check]:
@@ -176,7 +176,12 @@ def _loop_checks(results: "StudyResults") -> Iterator[Check]:
         ("c1", "g2d", False), ("c2", "g2d", False), ("c1", "engine", False), ("c2", "engine", False),
     ):  # fmt: skip
         measured = float(loops.row(controller, plant).run.is_stable)
-        yield _check(f"{title(controller)} on {plant}: stable (1) or not (0)", measured, float(stable), 0.0)
+        yield _check(
+            f"{title(controller)} on {'the engine' if plant == 'engine' else title(plant)}: stable (1) or not (0)",
+            measured,
+            float(stable),
+            0.0,
+        )
     c1 = loops.row("c1", "g1")
     yield _check("C1 on G1: overshoot", c1.run.overshoot, 0.0769, 1e-3)
     yield _check("C1 on G1: bandwidth", c1.bandwidth, 51.57, 0.1, "rad/s")

@@ -118,6 +118,11 @@ class StudyConfig:
         return (self.engine, self.throttle_deg, self.load_n_m, self.amplitude_deg) == (BUILT_IN, 25.0, 0.0, 5.0)
 
     @property
+    def has_the_frequencies_of_table_4_1(self) -> bool:
+        """Whether the response can be set beside Lee's Table 4.1, line by line."""
+        return self.is_the_thesis and self.frequencies == tuple(row["frequency_rad_s"] for row in read_table_4_1())
+
+    @property
     def asks_what_the_thesis_asked(self) -> bool:
         """Whether every question is that of Lee (1995), so that its numbers can be checked and not only shown."""
         return self == StudyConfig()
@@ -131,6 +136,11 @@ class StudyConfig:
     def starting_gains_g2d(self) -> StartingGains | None:
         """Hand-tuned gains of Lee (1995), section 5.4; their ki is illegible there and free here."""
         return StartingGains(kp=1.2, ki=2.0, kd=0.1, free=("ki",)) if self.is_the_thesis else None
+
+    @property
+    def engine_title(self) -> str:
+        """The engine as a report names it: its built-in name, or its file without the folders of this machine."""
+        return Path(self.engine).name
 
     def load_engine(self) -> DelaySystem:
         """Load the engine that the study is about."""

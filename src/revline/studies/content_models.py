@@ -1,19 +1,21 @@
-"""The report's sections on models, controllers, closed loops and errors, with ours beside the thesis's numbers."""
+"""The report's sections on models and controllers, with ours beside the thesis's numbers."""
 
 import tomllib
+from collections.abc import Iterable
 from types import MappingProxyType
 from typing import Any
 
-from revline.design.closed_loop import FORM
-from revline.design.outcome import LimitCycle
-from revline.report.blocks import Align, Callout, CalloutKind, Column, ItemList, Paragraph, TableBlock
+from revline.design.controller import PidGains
+from revline.design.fine_tuning import FineTuning
+from revline.report.blocks import Align, Callout, CalloutKind, Column, Equation, ItemList, Paragraph, TableBlock
 from revline.report.document import Section
-from revline.report.inline import Text
-from revline.report.numbers import MINUS, format_deviation, format_number
+from revline.report.inline import Text, marked
+from revline.report.numbers import format_decimals, format_deviation, format_number
 from revline.studies.config import StudyConfig, read_table_4_1, reference_text
 from revline.studies.material import Material, figures
-from revline.studies.results import LoopRow, ModelsResult, title
+from revline.studies.results import ModelsResult, title
 from revline.studies.study_results import StudyResults
+from revline.studies.words import listed, typographic
 
 THESIS_NAMES = (
     ("g1", "first_order"),
@@ -23,7 +25,16 @@ THESIS_NAMES = (
     ("g3", "third_order"),
     ("g4", "fourth_order"),
 )
+THESIS_CONTROLLERS = (
+    ("c1", "c1"),
+    ("c2_zn", "c2_ziegler_nichols"),
+    ("c2", "c2_tuned"),
+    ("c2d_zn", "c2d_ziegler_nichols"),
+    ("c2d", "c2d_tuned"),
+    ("c2d_reduced", "c2d_reduced"),
+)
 RIGHT = Align.RIGHT
+NONE = "\N{EN DASH}"
 
 TABLE_NOTE = (
     "Ours is fitted to the response computed here, Table 4.1 to the thesis's own response; print is what the thesis prints, its digits "
@@ -38,7 +49,7 @@ def _column(heading: str, unit: str = "", group: str = "") -> Column:
 def response_table(config: StudyConfig, results: StudyResults) -> TableBlock:
     """Ours beside Table 4.1, or ours alone."""
     stream, exact = results.response, results.point.exact
-    compared = config.is_the_thesis and len(read_table_4_1()) == len(stream.omega)
+    compared = config.has_the_frequencies_of_table_4_1
     columns = [
         _column("Frequency", "rad/s"),
         _column("Amplitude", "rad/s", "by peaks"),
@@ -53,24 +64,27 @@ def response_table(config: StudyConfig, results: StudyResults) -> TableBlock:
         columns += [
             _column("Amplitude", "rad/s", "Lee's Table 4.1"),
             _column("Phase", "deg", "Lee's Table 4.1"),
-            _column("Peaks off by", "%", "Lee's Table 4.1"),
+            _column("Peaks off", "%", "Lee's Table 4.1"),
+            _column("Peaks off", "deg", "Lee's Table 4.1"),
         ]
     rows = []
     for k, omega in enumerate(stream.omega):
         cells = [
-            format_number(float(omega), 3),
+            f"{omega:g}",
             format_number(float(stream.peak_amplitude[k])),
-            f"{stream.peaks.phase_deg[k]:.1f}",
+            format_decimals(float(stream.peaks.phase_deg[k]), 1),
             format_number(float(stream.amplitude[k])),
-            f"{stream.phase_deg[k]:.1f}",
+            format_decimals(float(stream.phase_deg[k]), 1),
             f"{100 * stream.distortion[k]:.2f}",
             format_number(float(exact.magnitude[k]) * config.amplitude_deg),
-            f"{exact.phase_deg[k]:.1f}",
+            format_decimals(float(exact.phase_deg[k]), 1),
         ]
         if compared:
             row = read_table_4_1()[k]
-            size = row["speed_amplitude_rad_s"]
-            cells += [format_number(size), f"{-row['phase_lag_deg']:.1f}", format_deviation(float(stream.peak_amplitude[k]), size)]
+            size, phase = row["speed_amplitude_rad_s"], -row["phase_lag_deg"]
+            off = float(stream.peaks.phase_deg[k]) - phase
+            cells += [format_number(size), format_decimals(phase, 1), format_deviation(float(stream.peak_amplitude[k]), size)]
+            cells += [f"{'+' if off > 0.0 else ''}{format_decimals(off, 2)}"]
         rows.append(tuple(cells))
     return TableBlock(
         caption="Frequency response from throttle to speed",
@@ -93,19 +107,41 @@ def models_section(material: Material) -> Section:
         anchor="models",
         blocks=(
             Paragraph(
-                "Six transfer functions are fitted by output error: the sum over all frequencies of the squared distance between model and "
-                "response, as complex numbers. G1, G2, G3 and G4 have one to four poles, G12 has a zero besides; G2d is G2 with the delay "
-                "that the remaining phase shows."
+                marked(
+                    "Six transfer functions $G(s)$ from throttle to speed are fitted by output error: the sum over all frequencies of the "
+                    "squared distance between model and response, as complex numbers, is made as small as it can be. G1, G2, G3 and G4 "
+                    "have one to four poles; G12 has two and a zero besides. [](#table-4.2) lists them."
+                )
+            ),
+            Equation(source="G(s) = (b_0 + b_1 s)/(1 + a_1 s + a_2 s^2 + a_3 s^3 + a_4 s^4) exp(-tau s)"),
+            Paragraph(
+                marked(
+                    "G2d is G2 times a pure delay $tau$. It is read from the phase that G2 leaves over: a delay turns the phase in "
+                    "proportion to frequency, so that minus the slope of a straight line through the difference is the delay, "
+                    "[](#figure-4.13)."
+                )
             ),
             models_table(results),
-            Callout(
-                kind=CalloutKind.FINDING,
-                title=f"The model to design on: {', '.join(map(title, results.models.chosen)) or 'none is accepted'}",
-                blocks=(ItemList(items=tuple(verdicts)),),
+            Callout(kind=CalloutKind.FINDING, title=_choice(results), blocks=(ItemList(items=tuple(map(typographic, verdicts))),)),
+            Paragraph(
+                marked(
+                    "What each model misses is seen in the Bode plots and their errors: G1 in [](#figure-4.11a) and [](#figure-4.11b), G2 "
+                    "in [](#figure-4.12a) and [](#figure-4.12b), G2d in [](#figure-4.14a) and [](#figure-4.14b). Where the poles lie, "
+                    "[](#figure-6.1) and [](#table-6.1), shows what more poles are good for."
+                )
             ),
-            *figures(material, "4.11a", "4.11b", "4.12a", "4.12b", "4.13", "4.14a", "4.14b", "6.1"),
+            *figures(material, ("4.11a", "4.11b"), ("4.12a", "4.12b"), ("4.13", "6.1"), ("4.14a", "4.14b")),
             poles_table(results),
         ),
+    )
+
+
+def _choice(results: StudyResults) -> str:
+    chosen = results.models.chosen
+    return (
+        f"The model to design on: {title(chosen)}"
+        if chosen
+        else "No model passes every test; controllers are designed on them all the same"
     )
 
 
@@ -150,9 +186,14 @@ def _coefficients(numerator: Any, denominator: Any, delay: float) -> tuple[str, 
 
 def _printed(entry: Any) -> tuple[str, ...]:
     """Coefficients with the digits that the thesis prints."""
-    above, below = [f"{c:g}" for c in entry["numerator"]], [f"{c:g}" for c in entry["denominator"][1:]]
+    above, below = [_given(c) for c in entry["numerator"]], [_given(c) for c in entry["denominator"][1:]]
     delay = f"{1e3 * entry['delay_s']:g}" if "delay_s" in entry else ""
     return (*above, *[""] * (2 - len(above)), *below, *[""] * (4 - len(below)), delay)
+
+
+def _given(value: float) -> str:
+    """A number with the digits that it is given with."""
+    return typographic(f"{value:g}")
 
 
 def poles_table(results: StudyResults) -> TableBlock:
@@ -160,9 +201,9 @@ def poles_table(results: StudyResults) -> TableBlock:
     printed = thesis_models() if results.table_models else {}
     rows: list[tuple[Text, ...]] = []
     for name in ("g1", "g2", "g3", "g4"):
-        ours = ", ".join(_show_pole(pole) for pole in results.models.fit(name).fit.model.poles)
-        table = ", ".join(_show_pole(pole) for models in results.table_models for pole in models.fit(name).fit.model.poles)
-        theirs = ", ".join(_show_pole(complex(pole)) for pole in printed.get(name, {}).get("poles", []))
+        ours = _show_poles(results.models.fit(name).fit.model.poles)
+        table = "".join(_show_poles(models.fit(name).fit.model.poles) for models in results.table_models)
+        theirs = _show_poles(map(complex, printed.get(name, {}).get("poles", [])))
         rows.append((title(name), ours, *((table, theirs) if printed else ())))
     columns = [Column(heading="Model"), Column(heading="Poles, own response", unit="1/s")]
     if printed:
@@ -170,52 +211,123 @@ def poles_table(results: StudyResults) -> TableBlock:
     return TableBlock(caption="Poles", columns=tuple(columns), rows=tuple(rows), id="6.1")
 
 
+def _show_poles(poles: Iterable[complex]) -> str:
+    """Poles in a row, a conjugate pair as one; none where there are none."""
+    return ", ".join(_show_pole(pole) for pole in poles if _is_real(pole) or pole.imag > 0.0) or "not given"
+
+
+def _is_real(pole: complex) -> bool:
+    return abs(pole.imag) < 1e-9 * abs(pole)
+
+
 def _show_pole(pole: complex) -> str:
-    if abs(pole.imag) < 1e-9 * abs(pole):
-        return format_number(pole.real)
-    sign = "+" if pole.imag > 0.0 else MINUS
-    return f"{format_number(pole.real)} {sign} {format_number(abs(pole.imag))}j"
+    return format_number(pole.real) if _is_real(pole) else f"{format_number(pole.real)} ± {format_number(pole.imag)}j"
 
 
 def controllers_section(material: Material) -> Section:
     """Gains and how they were found."""
     results = material.results
-    rows: tuple[tuple[Text, ...], ...] = tuple(
-        (
-            CONTROLLER_NAMES.get(name, title(name)),
-            format_number(g.kp),
-            format_number(g.ki),
-            format_number(g.kd),
-            g.rule,
-            title(g.designed_on),
-        )
-        for name, g in results.controllers.gains.items()
-    )
-    columns = (
-        Column(heading="Controller"),
-        _column("kp", "deg/(rad/s)"),
-        _column("ki", "deg/rad"),
-        _column("kd", "deg s2/rad"),
-        Column(heading="Rule"),
-        Column(heading="Designed on"),
-    )
-    tuned = tuple(f"{title(name)}: {tuning.text}." for name, tuning in results.controllers.tunings.items())
+    gains = results.controllers.gains
+    excess = gains["c2_zn"].kp / gains["c2_zn_with_gain"].kp
+    tuned = tuple(_tuning(name, tuning) for name, tuning in results.controllers.tunings.items())
     return Section(
         title="Controllers, as designed on the models",
         anchor="controllers",
         blocks=(
             Paragraph(
-                "C1 places the poles of the loop around G1. C2 and C2d start from Ziegler and Nichols' step-response rule. "
-                "The thesis's form of "
-                "that rule forgets the plant's gain, so that its gains are twelve times too hot and had to be tamed by hand; "
-                "the rule as it was "
-                "published divides by the gain. Both are shown."
+                marked(
+                    "The controllers move the throttle $u$ from its angle $u_0$ at the operating point by the speed's error $e$, its "
+                    "integral, and the speed's rate:"
+                )
             ),
-            TableBlock(caption="Gains", columns=columns, rows=rows),
+            Equation(source="u = u_0 + k_p e + k_i integral e - k_d dot(omega)_e"),
+            Paragraph(
+                marked(
+                    "C1, without the last term, places the poles of the loop around G1 at a natural frequency of "
+                    f"{material.config.natural_frequency_rad_s:g} rad/s with a damping ratio of {material.config.damping_ratio:g}. C2 and "
+                    "C2d start from Ziegler and Nichols' step-response rule, which reads a dead time $L$ and a rise time $T$ from the "
+                    "tangent at the steepest point of the step response of G2 and G2d, [](#figure-5.3). The rule as it was published has "
+                    "$k_p = 1.2 T slash (K L)$ with the plant's static gain $K$. Lee (1995) leaves out $K$ and had to tame the "
+                    f"gains by hand: here that makes them {excess:.1f} times too high. Both forms are shown. Fine tuning then keeps the "
+                    f"overshoot within {100 * material.config.overshoot_limit:g} %."
+                )
+            ),
+            gains_table(material),
+            tangents_table(material),
             Callout(kind=CalloutKind.FINDING, title="Fine tuning", blocks=(ItemList(items=tuned),)),
-            *figures(material, "5.3", "5.1", "5.2", "5.4", "5.6", "5.5", "5.7"),
+            Paragraph(
+                marked(
+                    "On the models that they were designed on, the loops answer a step of the command as in [](#figure-5.1), "
+                    "[](#figure-5.4) and [](#figure-5.5). Their frequency responses from command to speed tell how fast they are, "
+                    "[](#figure-5.2), [](#figure-5.6) and [](#figure-5.7)."
+                )
+            ),
+            *figures(material, "5.3", ("5.1", "5.2"), ("5.4", "5.6"), ("5.5", "5.7")),
         ),
     )
+
+
+def _tuning(name: str, tuning: FineTuning) -> str:
+    """What fine tuning did; a start that was better than the result broke the limit on overshoot."""
+    if not tuning.start_is_stable:
+        start = "The loop is unstable with the gains that it started from"
+    elif tuning.start_value < tuning.value:
+        start = f"The gains that it started from gave {format_number(tuning.start_value)}, but overshot by more than the limit"
+    else:
+        start = f"The gains that it started from gave {format_number(tuning.start_value)}"
+    return (
+        f"{title(name)}: minimised was {tuning.objective}, over {listed(list(tuning.free))}, with an overshoot of at most "
+        f"{100 * tuning.overshoot_limit:g} %. The least is {format_number(tuning.value)}, at an overshoot of "
+        f"{100 * tuning.overshoot:.2f} %. {start}."
+    )
+
+
+def gains_table(material: Material) -> TableBlock:
+    """Gains, beside the thesis's where the study is its."""
+    gains, printed = material.results.controllers.gains, thesis_controllers() if material.config.asks_what_the_thesis_asked else {}
+    columns = [Column(heading="Controller"), Column(heading="Designed on"), Column(heading="Rule")]
+    units = ("deg/(rad/s)", "deg/rad", "deg s2/rad")
+    columns += [_column(heading, unit, "ours") for heading, unit in zip(("kp", "ki", "kd"), units, strict=True)]
+    columns += [_column(heading, unit, "Lee (1995)") for heading, unit in zip(("kp", "ki", "kd"), units, strict=True) if printed]
+    rows = []
+    for name, label in CONTROLLER_NAMES.items():
+        row = [label, title(gains[name].designed_on), _rule(gains[name])]
+        row += [format_number(value) if value else "0" for value in (gains[name].kp, gains[name].ki, gains[name].kd)]
+        rows.append((*row, *(_printed_gains(printed.get(name)) if printed else ())))
+    notes = ("A dash stands where Lee (1995) has no such controller; three of its integral gains are illegible in the scan.",)
+    return TableBlock(caption="Gains", columns=tuple(columns), rows=tuple(rows), notes=notes if printed else ())
+
+
+def _rule(gains: PidGains) -> str:
+    """The rule's name in words."""
+    words = gains.rule.replace("-", " ").replace("ziegler nichols", "Ziegler-Nichols")
+    return words.replace("without gain", "without K")
+
+
+def _printed_gains(entry: dict[str, Any] | None) -> tuple[str, ...]:
+    if entry is None:
+        return (NONE,) * 3
+    return tuple(_given(entry[key]) if key in entry else ("illegible" if key == "ki" else "0") for key in ("kp", "ki", "kd"))
+
+
+def thesis_controllers() -> dict[str, Any]:
+    """Controllers of Lee (1995), chapter 5, by our names."""
+    content = tomllib.loads(reference_text("controllers.toml"))
+    return {ours: content[theirs] for ours, theirs in THESIS_CONTROLLERS}
+
+
+def tangents_table(material: Material) -> TableBlock:
+    """Dead time and rise time, beside those that the thesis read from its plots."""
+    printed = thesis_controllers() if material.config.asks_what_the_thesis_asked else {}
+    columns = [Column(heading="Model"), _column("L", "s", "ours"), _column("T", "s", "ours")]
+    columns += [_column(name, "s", "Lee (1995)") for name in ("L", "T") if printed]
+    rows = []
+    for name, tangent in material.results.controllers.tangents.items():
+        row = [title(name), format_number(tangent.dead_time), format_number(tangent.rise_time)]
+        entry = printed.get({"g2": "c2_zn", "g2d": "c2d_zn"}[name], {})
+        rows.append((*row, *(_given(entry[key]) for key in ("L_s", "T_s") if entry)))
+    notes = ("Lee (1995) read them from a plot.",)
+    return TableBlock(caption="Tangents to the step responses", columns=tuple(columns), rows=tuple(rows), notes=notes if printed else ())
 
 
 CONTROLLER_NAMES = MappingProxyType(
@@ -230,84 +342,3 @@ CONTROLLER_NAMES = MappingProxyType(
         "c2d_reduced": "C2d, a tenth of kp",
     }
 )
-
-
-def loops_section(material: Material) -> Section:
-    """How the controllers do on the engine."""
-    results = material.results
-    columns = (
-        Column(heading="Controller"),
-        Column(heading="Plant"),
-        Column(heading="Outcome"),
-        _column("Overshoot", "%"),
-        _column("Bandwidth", "rad/s"),
-        _column("low", "rad/s", "limit cycle"),
-        _column("high", "rad/s", "limit cycle"),
-        _column("period", "s", "limit cycle"),
-    )
-    return Section(
-        title="On the engine",
-        anchor="loops",
-        blocks=(
-            Paragraph(
-                f"Every loop is asked for a step of {results.loops.command:g} rad/s. Form: {FORM}. On the engine the throttle "
-                "is limited; the "
-                "linear models have no limits, and their delay is simulated, not approximated."
-            ),
-            TableBlock(caption="Closed loops", columns=columns, rows=tuple(_loop_cells(row) for row in results.loops.rows)),
-            Callout(kind=CalloutKind.CAUTION, title=_lesson(results)),
-            *figures(material, "5.9", "5.10", "5.11", "5.12", "5.13", "5.14", "5.15"),
-        ),
-    )
-
-
-def _lesson(results: StudyResults) -> str:
-    fooled = [
-        c
-        for c, m in (("c1", "g1"), ("c2", "g2"))
-        if results.loops.row(c, m).run.is_stable and not results.loops.row(c, "engine").run.is_stable
-    ]
-    if not fooled:
-        return "Every controller does on the engine what its model promised"
-    return f"{' and '.join(title(c) for c in fooled)} settle on the model they were designed on and hunt on the engine"
-
-
-def _loop_cells(row: LoopRow) -> tuple[Text, ...]:
-    outcome = row.run.outcome
-    cycle = (f"{outcome.low:.2f}", f"{outcome.high:.2f}", f"{outcome.period:.4f}") if isinstance(outcome, LimitCycle) else ("", "", "")
-    overshoot = f"{100 * row.run.overshoot:.1f}" if row.run.is_stable else ""
-    bandwidth = f"{row.bandwidth:.2f}" if row.bandwidth > 0.0 else ""
-    plant = "engine" if row.plant == "engine" else title(row.plant)
-    return (CONTROLLER_NAMES.get(row.controller, title(row.controller)), plant, outcome.name, overshoot, bandwidth, *cycle)
-
-
-def errors_section(material: Material) -> Section:
-    """Errors of the models in time."""
-    errors = material.results.errors
-    rows: list[tuple[Text, ...]] = []
-    for record in errors.records:
-        what = "step" if record.kind == "step" else f"sinusoid, {record.frequency:g} rad/s"
-        rows += [
-            (what, title(name), f"{record.largest(name):.2f}", f"{record.rms(name):.2f}", f"{record.swing(name):.2f}")
-            for name in record.models
-        ]
-    columns = (
-        Column(heading="Throttle"),
-        Column(heading="Model"),
-        _column("Largest", "rad/s"),
-        _column("Root mean square", "rad/s"),
-        _column("Alternating part", "rad/s"),
-    )
-    equal = f" They err alike at {errors.equal_frequency:.1f} rad/s." if errors.equal_frequency > 0.0 else ""
-    return Section(
-        title="Errors in time",
-        anchor="errors",
-        blocks=(
-            Paragraph(
-                "The delay pays where things are fast: right after a step and at high frequency G2d is the better model, later and at low "
-                f"frequency G2.{equal}"
-            ),
-            TableBlock(caption="Errors of the speed", columns=columns, rows=tuple(rows), notes=("Sinusoids are judged once settled.",)),
-            *figures(material, "6.2", "6.3", "6.4", "6.5"),
-        ),
-    )

@@ -8,6 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from revline.analysis.cycle_readings import ReadingMethod
+from revline.analysis.linearize import linearize
+from revline.analysis.operating_range import LineFit
+from revline.analysis.trim import Trim
 from revline.design.linear_loop import closed_loop_response
 from revline.design.outcome import Diverged
 from revline.design.step_measures import StepMeasures
@@ -19,6 +22,7 @@ from revline.report.bode import BodeTrace, ErrorTrace, plot_bode, plot_closed_lo
 from revline.report.curves import View, plot_curves, plot_curves_with_detail
 from revline.report.loops import LoopTrace, plot_loop
 from revline.report.notes import Note
+from revline.report.numbers import MINUS
 from revline.report.parts import Curve, Level
 from revline.report.poles import PoleSet, plot_poles
 from revline.report.responses import Command, TangentTrace, plot_divergence, plot_step_response, plot_tangents
@@ -30,14 +34,15 @@ from revline.studies.config import StudyConfig
 from revline.studies.results import ErrorRecord, Floats, LoopRow, TimeRecord, title
 from revline.studies.steps import table_response
 from revline.studies.study_results import StudyResults
+from revline.system import DelaySystem
 
 TIME = Quantity("time", "s")
 THROTTLE = Quantity("throttle angle", "deg")
 SPEED = Quantity("engine speed", "rad/s")
 PRESSURE = Quantity("manifold pressure", "kPa")
-ERROR = Quantity("speed error, model less engine", "rad/s")
+ERROR = Quantity("speed error", "rad/s")
 
-LOOP_WINDOWS = MappingProxyType({"c1": 4.0, "c2": 3.0, "c2d": 4.0, "c2d_reduced": 20.0})
+LOOP_WINDOWS = MappingProxyType({"c1": 4.0, "c2": 3.0, "c2d": 4.0, "c2d_reduced": 12.0})
 """How long each controller's answer is shown, in s."""
 
 BODE_POINTS = 400
@@ -55,55 +60,60 @@ def _call(function: Callable[..., Any], *arguments: Any, **options: Any) -> Figu
     return FigureCall(function, arguments, options)
 
 
-def figure_calls(config: StudyConfig, results: StudyResults) -> dict[str, FigureCall]:
+def figure_calls(config: StudyConfig, engine: DelaySystem, results: StudyResults) -> dict[str, FigureCall]:
     """All figures by their number."""
-    engine = lee1995_parameters(config.load_engine())
     return {
-        **_relations(engine),
+        **_relations(lee1995_parameters(engine), results.point.trim),
         **_steps(results),
         **_steady(results),
         **_spectra(config, results),
-        **_bode(config, results),
+        **_bode(config, engine, results),
         **_linear_loops(results),
         **_engine_loops(results),
         **_errors(results),
     }
 
 
-def _relations(p: EngineParameters) -> dict[str, FigureCall]:
+def _relations(p: EngineParameters, trim: Trim) -> dict[str, FigureCall]:
     ratio, angle = np.linspace(0.0, 1.0, 201), np.linspace(0.0, 90.0, 361)
     mixture, advance = np.linspace(10.0, 18.0, 161), np.linspace(-30.0, 30.0, 121)
-    none = Quantity
+    now_ratio = trim.state("manifold_pressure") / p.throttle.ambient_pressure
+
+    def drawn(x: Floats, now: float, relation: Callable[[float], float], horizontal: Quantity, vertical: Quantity) -> FigureCall:
+        """The relation, and where on it the operating point is."""
+        curve = Curve(x=x, y=np.array([relation(float(value)) for value in x]), look=PLANT)
+        return _call(plot_curves, [curve], horizontal, vertical, notes=[Note(now, relation(now), f"operating point, {now:.4g}")])
+
     return {
-        "3.2": _call(
-            plot_curves,
-            [_relation(ratio, lambda v: air.pressure_influence(p.throttle, v * p.throttle.ambient_pressure))],
-            none("manifold over ambient pressure", "1"),
-            none("pressure-ratio influence PRI", "1"),
+        "3.2": drawn(
+            ratio,
+            now_ratio,
+            lambda v: air.pressure_influence(p.throttle, v * p.throttle.ambient_pressure),
+            Quantity("manifold over ambient pressure", "1"),
+            Quantity("pressure-ratio influence PRI", "1"),
         ),
-        "3.3": _call(
-            plot_curves,
-            [_relation(angle, lambda v: air.throttle_characteristic(p.throttle, v))],
+        "3.3": drawn(
+            angle,
+            trim.input("throttle"),
+            lambda v: air.throttle_characteristic(p.throttle, v),
             THROTTLE,
-            none("throttle characteristic TC", "1"),
+            Quantity("throttle characteristic TC", "1"),
         ),
-        "3.4": _call(
-            plot_curves,
-            [_relation(mixture, lambda v: torque.mixture_influence(p.mixture, v))],
-            none("air/fuel ratio", "1"),
-            none("air/fuel influence AFI", "1"),
+        "3.4": drawn(
+            mixture,
+            trim.input("air_fuel_ratio"),
+            lambda v: torque.mixture_influence(p.mixture, v),
+            Quantity("air/fuel ratio", "1"),
+            Quantity("air/fuel influence AFI", "1"),
         ),
-        "3.5": _call(
-            plot_curves,
-            [_relation(advance, lambda v: torque.spark_influence(p.spark, v))],
-            none("spark advance relative to MBT", "deg"),
-            none("spark influence SI", "1"),
+        "3.5": drawn(
+            advance,
+            trim.input("spark"),
+            lambda v: torque.spark_influence(p.spark, v),
+            Quantity("spark advance relative to MBT", "deg"),
+            Quantity("spark influence SI", "1"),
         ),
     }
-
-
-def _relation(x: Floats, relation: Callable[[float], float]) -> Curve:
-    return Curve(x=x, y=np.array([relation(float(value)) for value in x]), look=PLANT)
 
 
 def _steps(results: StudyResults) -> dict[str, FigureCall]:
@@ -111,7 +121,7 @@ def _steps(results: StudyResults) -> dict[str, FigureCall]:
 
     def curves(records: tuple[TimeRecord, ...], pick: Callable[[TimeRecord], Floats]) -> list[Curve]:
         return [
-            Curve(x=r.times, y=pick(r), label=f"step of {size:g} deg", look=MODELS[k])
+            Curve(x=r.times, y=pick(r), label=f"step of {size:g} deg".replace("-", MINUS), look=MODELS[k])
             for k, (size, r) in enumerate(zip(steps.sizes, records, strict=True))
         ]
 
@@ -136,10 +146,17 @@ def _steady(results: StudyResults) -> dict[str, FigureCall]:
             plot_curves,
             [Curve(x=np.array(line.values)[chosen], y=np.array(line.errors)[chosen], look=MODELS[0])],
             THROTTLE,
-            Quantity("speed less straight line", "rad/s"),
+            Quantity("straight line less speed", "rad/s"),
             levels=[Level(0.0)],
+            notes=[_worst(line)],
         ),
     }
+
+
+def _worst(line: LineFit) -> Note:
+    k = int(np.argmin(np.abs(np.array(line.values) - line.max_error_at)))
+    error = float(line.errors[k])
+    return Note(line.max_error_at, error, f"{error:.2f} rad/s at {line.max_error_at:g} deg".replace("-", MINUS))
 
 
 def _spectra(config: StudyConfig, results: StudyResults) -> dict[str, FigureCall]:
@@ -156,12 +173,14 @@ def _spectra(config: StudyConfig, results: StudyResults) -> dict[str, FigureCall
             peak=spectrum.peak_amplitude,
             magnitude=Quantity("amplitude of the speed", "rad/s"),
         )
-    omega = results.sine.frequency
     times = results.sine.times
-    base = f"sinusoid at {omega:g} rad/s about {config.throttle_deg:g} deg"
     calls["4.3a"] = _call(
-        plot_curves, [Curve(x=times, y=results.sine.throttle, look=PLANT)], TIME, THROTTLE, levels=[Level(config.throttle_deg, base)]
-    )  # fmt: skip
+        plot_curves,
+        [Curve(x=times, y=results.sine.throttle, look=PLANT)],
+        TIME,
+        THROTTLE,
+        levels=[Level(config.throttle_deg, "operating point")],
+    )
     calls["4.3b"] = _call(
         plot_curves,
         [Curve(x=times, y=results.sine.speed, look=PLANT)],
@@ -177,14 +196,21 @@ def _model_response(results: StudyResults, name: str) -> FrequencyResponse:
     return results.models.fit(name).fit.model.response(np.geomspace(omega[0], omega[-1], BODE_POINTS))
 
 
-def _bode(config: StudyConfig, results: StudyResults) -> dict[str, FigureCall]:
-    engine = BodeTrace(results.response.response(ReadingMethod.FOURIER), "engine, fundamental", DATA)
+def _exact_response(engine: DelaySystem, results: StudyResults) -> FrequencyResponse:
+    """The exact small-signal response on a grid fine enough for a smooth line."""
+    omega = results.response.omega
+    model = linearize(engine, results.point.trim).model
+    return model.response(np.geomspace(omega[0], omega[-1], BODE_POINTS), "throttle", "engine_speed")
+
+
+def _bode(config: StudyConfig, engine: DelaySystem, results: StudyResults) -> dict[str, FigureCall]:
+    data = BodeTrace(results.response.response(ReadingMethod.FOURIER), "engine, fundamental", DATA)
     beside = [BodeTrace(table_response(), "Table 4.1 of Lee (1995)", PUBLISHED)] if config.is_the_thesis else []
-    exact = BodeTrace(results.point.exact, "engine, exact small-signal", MODELS[0])
-    calls = {"4.10": _call(plot_bode, [engine, *beside, exact])}
+    exact = BodeTrace(_exact_response(engine, results), "engine, exact small-signal", MODELS[0])
+    calls = {"4.10": _call(plot_bode, [data, *beside, exact])}
     for number, name in (("4.11", "g1"), ("4.12", "g2"), ("4.14", "g2d")):
         fit = results.models.fit(name).fit
-        calls[f"{number}a"] = _call(plot_bode, [engine, BodeTrace(_model_response(results, name), title(name), MODELS[1])])
+        calls[f"{number}a"] = _call(plot_bode, [data, BodeTrace(_model_response(results, name), title(name), MODELS[1])])
         trace = ErrorTrace(fit.data.omega, fit.magnitude_error_db, fit.phase_error_deg, title(name))
         calls[f"{number}b"] = _call(plot_response_errors, [trace])
     line = results.models.fit("g2d").fit.phase_line
@@ -220,7 +246,7 @@ def _linear_loops(results: StudyResults) -> dict[str, FigureCall]:
                 label=title(name),
             )
         )
-    calls["5.3"] = _call(plot_tangents, traces, Quantity("speed for a step of 1 deg", "rad/s"))
+    calls["5.3"] = _call(plot_tangents, traces, Quantity("speed", "rad/s"))
     return calls
 
 
@@ -228,10 +254,10 @@ def _linear_step(row: LoopRow) -> FigureCall:
     """A linear loop's answer to a unit step of the command."""
     run = row.run
     output = (run.output - run.start) / run.command
-    quantity = Quantity("speed over its command", "1")
+    quantity = Quantity("speed change over command", "1")
     if isinstance(run.outcome, Diverged):
         return _call(plot_divergence, run.times, output, Command(0.0, 1.0), quantity)
-    until = min({"c1": 1.0, "c2": 0.6, "c2d": 2.5, "c2d_reduced": 20.0}.get(row.controller, 4.0), float(run.times[-1]))
+    until = min({"c1": 1.0, "c2": 0.6, "c2d": 2.5, "c2d_reduced": 12.0}.get(row.controller, 4.0), float(run.times[-1]))
     try:
         measures = run.measures()
     except NotSettledError:

@@ -16,6 +16,9 @@ SEARCH_TO = 1e4
 ENGINE_SEARCH_TO = 200.0
 """The same for the engine's exact linear model."""
 
+ALIKE = 0.1
+"""Overshoots that differ by no more of the command count as foreseen."""
+
 
 def find_limits(engine: DelaySystem, results: StudyResults) -> tuple[tuple[str, GainLimit | NoGainLimit, GainLimit | NoGainLimit], ...]:
     """Find gain limits of the linear models and of the engine's exact linear model: proportional control, and with C1's ratio ki/kp."""
@@ -49,8 +52,8 @@ def _sentences(engine: DelaySystem, results: StudyResults) -> Iterator[str]:
     searched = min((limit.searched_to for limit in open_ended.values()), default=SEARCH_TO)
     if without:
         yield (
-            f"{' and '.join(without)} set no upper limit to the gain: their phase does not reach -180 deg up to {searched:g} rad/s. "
-            "A controller designed on them can be made as fast as one likes, on paper."
+            f"{' and '.join(without)} set no upper limit to a proportional gain: their phase does not reach -180 deg up to "
+            f"{searched:g} rad/s. On paper such a loop can be made as fast as one likes."
         )
     for name, (alone, integral) in limits.items():
         if isinstance(alone, GainLimit):
@@ -62,17 +65,13 @@ def _sentences(engine: DelaySystem, results: StudyResults) -> Iterator[str]:
     loops, tau = results.loops, results.models.fit("g2d").fit.model.delay
     for controller, model in (("c1", "g1"), ("c2", "g2")):
         on_model, on_engine = loops.row(controller, model).run, loops.row(controller, "engine").run
-        told = on_model.is_stable == on_engine.is_stable
+        told = "told" if _foresees(on_model, on_engine) else "did not tell"
         yield (
             f"{title(controller)}, designed on {title(model)}, {describe_outcome(on_model)} there; "
-            f"on the engine it {describe_outcome(on_engine)}. The model without delay {'told' if told else 'did not tell'}."
+            f"on the engine it {describe_outcome(on_engine)}. The model without delay {told}."
         )
     yield _of_c2d(loops.row("c2d", "g2d").run, loops.row("c2d", "engine").run, tau)
-    yield (
-        f"Too little proportional gain oscillates slowly: with a tenth of it (ki and kd unchanged) the engine "
-        f"{describe_outcome(loops.row('c2d_reduced', 'engine').run)}; G2 foresees that "
-        f"({describe_outcome(loops.row('c2d_reduced', 'g2').run)}). Lower the integral gain with the proportional one."
-    )
+    yield _of_reduced(loops.row("c2d_reduced", "g2").run, loops.row("c2d_reduced", "engine").run, loops.row("c2d", "engine").run)
     yield (
         f"Use the model with its delay of {1e3 * tau:.1f} ms above {results.errors.equal_frequency:.0f} rad/s; "
         "below, the model without delay errs less in time. Near the speed at which the loop oscillates only the delay tells."
@@ -87,11 +86,31 @@ def _sentences(engine: DelaySystem, results: StudyResults) -> Iterator[str]:
 
 
 def _of_c2d(model: LoopRun, engine: LoopRun, delay: float) -> str:
-    gap = 100.0 * abs(engine.overshoot - model.overshoot)
-    return (
+    text = (
         f"C2d, designed on G2d with its delay of {1e3 * delay:.1f} ms, {describe_outcome(model)} there; on the engine, without retuning, "
-        f"it {describe_outcome(engine)}: the overshoot differs by {gap:.1f} percentage points."
+        f"it {describe_outcome(engine)}"
     )
+    if not (model.is_stable and engine.is_stable):
+        return f"{text}."
+    return f"{text}: the overshoot differs by {100.0 * abs(engine.overshoot - model.overshoot):.1f} percentage points."
+
+
+def _of_reduced(model: LoopRun, engine: LoopRun, whole: LoopRun) -> str:
+    """What a tenth of C2d's proportional gain does; more overshoot than with the whole gain is the slow oscillation."""
+    outcomes = f"the engine {describe_outcome(engine)}; on G2 the same loop {describe_outcome(model)}"
+    if engine.is_stable and engine.overshoot <= whole.overshoot:
+        return f"With a tenth of C2d's proportional gain (ki and kd unchanged) {outcomes}."
+    return (
+        f"Too little proportional gain swings slowly: with a tenth of C2d's (ki and kd unchanged) {outcomes}. "
+        "Lower the integral gain with the proportional one."
+    )
+
+
+def _foresees(model: LoopRun, engine: LoopRun) -> bool:
+    """Whether a loop on a model ends as it does on the engine: both at rest with overshoots alike, or neither."""
+    if not (model.is_stable and engine.is_stable):
+        return model.is_stable == engine.is_stable
+    return abs(engine.overshoot - model.overshoot) <= ALIKE
 
 
 def _title(name: str) -> str:

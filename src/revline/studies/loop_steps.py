@@ -32,7 +32,7 @@ PAIRS = (
 )
 """Which controller is run on which plants."""
 
-HORIZONS = ((8.0, 1e-3), (25.0, 1e-3), (80.0, 2e-3))
+HORIZONS = ((8.0, 1e-3), (25.0, 1e-3), (80.0, 1e-3), (60.0, 2.5e-4))
 """How long, and in which steps, a loop is run until it can be told how it ends, in s."""
 
 ERROR_SINES = (10.0, 30.0)
@@ -121,7 +121,7 @@ def _compare(
 ) -> ErrorRecord:
     cycles = 10.0 * 2.0 * math.pi / frequency if frequency else 0.0
     until = max(4.0, cycles)
-    run = throttle_run(engine, point.trim, signal, until, 2e-3)
+    run = throttle_run(engine, point.trim, signal, until)
     start = 0.0 if frequency else STEP_AT
     answers = []
     for name in ERROR_MODELS:

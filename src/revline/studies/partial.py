@@ -1,14 +1,17 @@
 """The report of a study that is not finished: that it is partial, what is missing and why, and the numbers that are there."""
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from revline.report.blocks import Align, Column, DefinitionList, ItemList, Paragraph, TableBlock
 from revline.report.document import Document, Section
 from revline.report.html import write_html
+from revline.report.inline import plain
 from revline.report.numbers import format_number
 from revline.studies.config import StudyConfig
+from revline.studies.content import make_partial_document
 from revline.studies.parts import Parts
 from revline.studies.record import partial_record
 
@@ -41,16 +44,14 @@ def write_partial_report(config: StudyConfig, parts: Parts, path: Path) -> None:
 
 def partial_document(config: StudyConfig, parts: Parts) -> Document:
     """What there is of a study, as a document that says that it is partial."""
-    record = partial_record(config, parts)
-    return Document(
-        title="A study that is not finished",
-        subtitle=f"{config.engine} at {config.throttle_deg:g} deg with {config.amplitude_deg:g} deg amplitude",
-        partial=f"This report is partial. The study {parts.text}." if parts.failed else f"This report is partial: {record['note']}.",
+    record, head = partial_record(config, parts), make_partial_document(config, parts.finished)
+    return replace(
+        head,
+        partial=f"This report is partial. The study {parts.text}." if parts.failed else f"This report is partial. {plain(head.partial)}",
         sections=(
             Section(title="What there is", anchor="steps", blocks=(ItemList(items=tuple(_states(parts))),)),
             Section(title="Results so far", anchor="results", blocks=tuple(_results(record))),
         ),
-        provenance=(("made by", f"revline {record['version']}"), ("engine", config.engine), ("results", "results.json beside this report")),
     )
 
 

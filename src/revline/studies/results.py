@@ -89,12 +89,12 @@ class SineRecord(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ModelsResult:
-    """Six models fitted to one response, each with its verdict; `chosen` is the one to design on, or none where none is accepted."""
+    """Six models fitted to one response, each with its verdict; `chosen` is the one to design on, empty where all are rejected."""
 
     response: FrequencyResponse
     fits: tuple[NamedFit, ...]
     verdicts: tuple[Verdict, ...]
-    chosen: tuple[str, ...]
+    chosen: str
 
     def fit(self, name: str) -> NamedFit:
         """The fit of one structure, by its name."""

@@ -153,11 +153,11 @@ def table_response() -> FrequencyResponse:
 
 
 def fit_models(response: FrequencyResponse) -> ModelsResult:
-    """Fit all six structures and judge them."""
+    """Fit all six structures and judge them; where all are rejected the study goes on, and its warnings say so."""
     fits = fit_all_models(response)
     verdicts = tuple(judge_model(named.fit) for named in fits)
-    chosen = (choose_model(fits).chosen.name,) if any(verdict.accepted for verdict in verdicts) else ()
-    return ModelsResult(response=response, fits=fits, verdicts=verdicts, chosen=chosen)
+    accepted = any(verdict.accepted for verdict in verdicts)
+    return ModelsResult(response=response, fits=fits, verdicts=verdicts, chosen=choose_model(fits).chosen.name if accepted else "")
 
 
 def design_controllers(models: ModelsResult, config: StudyConfig) -> ControllersResult:

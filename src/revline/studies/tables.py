@@ -62,7 +62,7 @@ def response_table(config: StudyConfig, results: StudyResults) -> Table:
     columns += ["exact_amplitude_rad_s", "exact_phase_deg", "distortion_1", "mean_speed_rad_s"]
     arrays = [stream.omega, stream.peak_amplitude, stream.peaks.phase_deg, stream.amplitude, stream.phase_deg]
     arrays += [exact.magnitude * config.amplitude_deg, exact.phase_deg, stream.distortion, stream.mean]
-    if config.is_the_thesis and len(read_table_4_1()) == len(stream.omega):
+    if config.has_the_frequencies_of_table_4_1:
         columns += ["table_4_1_amplitude_rad_s", "table_4_1_phase_deg"]
         arrays += [
             np.array([r["speed_amplitude_rad_s"] for r in read_table_4_1()]),

@@ -5,23 +5,24 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from revline.errors import InvalidInputError, PartialResultError, RevlineError
+from revline.io.engine_files import read_engine, write_engine
 from revline.io.json_files import write_json
 from revline.io.value_files import read_value, write_value
 from revline.report.figure_files import FigureTask, figure_task, write_figures
 from revline.report.html import write_html
 from revline.report.pdf import write_pdf
 from revline.report.tables import Table, write_tables
-from revline.studies.captions import caption, figure_rows
+from revline.studies.captions import caption, figure_rows, figure_title
 from revline.studies.chain import FOLDER, Report, Stopwatch, code_digest
 from revline.studies.checks import Check, check_study
 from revline.studies.config import StudyConfig
 from revline.studies.content import make_document
 from revline.studies.figures import figure_calls
 from revline.studies.folder import Written, is_finished, keep_written, read_written, remove_files, study_folder
-from revline.studies.making import MAKING, keep_making, read_making
+from revline.studies.made import Made, check_making, describe_making
 from revline.studies.material import Material
 from revline.studies.partial import write_partial_report
 from revline.studies.parts import Parts
@@ -30,14 +31,17 @@ from revline.studies.results import NoRange
 from revline.studies.study import NUMBERS_SHARE, compute_study
 from revline.studies.study_results import StudyResults
 from revline.studies.tables import study_tables
+from revline.system import DelaySystem
 from revline.values import fingerprint
 
 RESULTS = "results.json"
+QUESTIONS = "questions.json"
+BUNDLE = "study.json"
+MADE = "made.json"
+ENGINE = "engine.toml"
 PAGE = "report.html"
 PAPER = "report.pdf"
 NO_PAPER = "there is no report.pdf: typst, which sets it, is not installed; pip install revline[report]"
-QUESTIONS = "questions.json"
-BUNDLE = "study.json"
 
 FIGURES_SHARE = 0.85
 """Part of a study that is done when its figures are drawn."""
@@ -89,15 +93,20 @@ def run_study(config: StudyConfig, folder: str | Path, report: Report = lambda _
         PartialResultError: it was interrupted, or some steps could not be completed; what does not need these is computed.
     """
     place, watch = Path(folder), Stopwatch()
-    questions = fingerprint(config, config.load_engine().content_digest)
+    engine = config.load_engine()
+    questions = fingerprint(config, engine.content_digest)
     with study_folder(place) as steps:
         ledger = _open_ledger(config, place, questions)
         try:
-            before = _kept_files(place)
             results = compute_study(config, place, report, ledger.keep)
             write_value(steps / BUNDLE, results)
-            keep_making(steps / MAKING, results, watch.seconds, len(before & _kept_files(place)))
-            return _write_all(config, results, place, report, ledger.written, watch)
+            write_engine(engine, steps / ENGINE)
+            made = describe_making(config, engine, results, watch.seconds)
+            write_value(steps / MADE, made)
+            written = _write_all(_material(config, engine, results, made, place), report, ledger.written)
+            timed = replace(made, seconds=watch.seconds)
+            write_value(steps / MADE, timed)
+            return _write_record(config, results, timed, report, written)
         except KeyboardInterrupt as error:
             ledger.say_partial()
             message = f"interrupted: {ledger.state}; run the same command again and it goes on from there"
@@ -153,7 +162,8 @@ def _open_ledger(config: StudyConfig, place: Path, questions: str) -> _Ledger:
     if earlier is not None and not same:
         remove_files(place, earlier.files)
     remove_files(place, (PAPER,))  # it cannot say that it is partial
-    (steps / BUNDLE).unlink(missing_ok=True)  # answers to other questions may lie there
+    for name in (BUNDLE, MADE):
+        (steps / name).unlink(missing_ok=True)  # answers to other questions may lie there
     files = earlier.files if earlier is not None and same else ()
     written = Written(questions=questions, code=code_digest(), is_whole=False, files=files)
     ledger = _Ledger(place=place, config=config, written=written)
@@ -167,22 +177,25 @@ def rebuild_report(folder: str | Path, report: Report = lambda _, __: None) -> S
     """Make tables, figures, report and results.json again from the results that a study left in a folder.
 
     Raises:
-        InvalidInputError: the folder holds no finished study.
+        InvalidInputError: the folder holds no finished study, or one that was damaged or changed.
     """
-    place, watch = Path(folder), Stopwatch()
+    place = Path(folder)
     steps = place / FOLDER
-    for name in (QUESTIONS, BUNDLE, MAKING):
+    for name in (QUESTIONS, ENGINE, BUNDLE, MADE):
         if not (steps / name).is_file():
             message = f"{place} holds no finished study: {FOLDER}/{name} is missing; run `revline study --out {place}` first"
             raise InvalidInputError(message, path=str(place))
-    config, results = read_value(steps / QUESTIONS), read_value(steps / BUNDLE)
-    if not isinstance(config, StudyConfig) or not isinstance(results, StudyResults):
+    config, results, made = (read_value(steps / name) for name in (QUESTIONS, BUNDLE, MADE))
+    if not (isinstance(config, StudyConfig) and isinstance(results, StudyResults) and isinstance(made, Made)):
         message = f"{steps} holds other values than a study's; run `revline study --out {place}` again"
         raise InvalidInputError(message, path=str(place))
+    engine = read_engine(steps / ENGINE)
+    check_making(config, engine, results, made)
     with study_folder(place):
-        earlier = read_written(steps)
-        kept = Written(questions="", code="", is_whole=False, files=()) if earlier is None else earlier
-        return _write_all(config, results, place, report, kept, watch)
+        found = read_written(steps)
+        earlier = Written(questions=made.questions, code=made.code, is_whole=False, files=()) if found is None else found
+        written = _write_all(_material(config, engine, results, made, place), report, earlier)
+        return _write_record(config, results, made, report, written)
 
 
 def find_warnings(config: StudyConfig, results: StudyResults) -> Iterator[str]:
@@ -196,9 +209,11 @@ def find_warnings(config: StudyConfig, results: StudyResults) -> Iterator[str]:
     if isinstance(results.range.widest, NoRange):
         yield f"no range chosen automatically: {results.range.widest.reason}"
     if not results.models.chosen:
-        yield "no model of the response is accepted; their verdicts say why"
+        yield "no fitted model passes every test (see its verdict); the controllers designed on them may not keep their promise"
     if not config.is_the_thesis:
         yield "engine or operating point are not the thesis's: its numbers are not set beside"
+    elif not config.asks_what_the_thesis_asked:
+        yield "not every question is the thesis's: its controllers and how they ended are not set beside"
     for row in results.loops.rows:
         if row.plant == "engine" and row.run.is_stable and row.run.saturated_share > 0.5:
             yield f"{row.controller} holds the throttle at a limit for {100 * row.run.saturated_share:.0f} % of its run"
@@ -224,53 +239,53 @@ def _left_out(reason: str) -> str:
     return found.group(1).replace("engine_speed", "speed") if found else reason
 
 
-def figure_tasks(config: StudyConfig, results: StudyResults) -> tuple[FigureTask, ...]:
+def figure_tasks(config: StudyConfig, engine: DelaySystem, results: StudyResults) -> tuple[FigureTask, ...]:
     """All figures still to be drawn, in the order of their numbers."""
-    calls = figure_calls(config, results)
+    calls = figure_calls(config, engine, results)
     numbers = [row["id"] for row in figure_rows() if row["id"] in calls]
     return tuple(
         figure_task(f"figure_{number}", calls[number].function, *calls[number].arguments, **calls[number].options) for number in numbers
     )
 
 
-def _write_all(config: StudyConfig, results: StudyResults, folder: Path, report: Report, earlier: Written, watch: Stopwatch) -> Study:
-    has_paper = importlib.util.find_spec("typst") is not None
-    checks, warnings = check_study(config, results), tuple(dict.fromkeys(find_warnings(config, results)))
-    warnings += () if has_paper else (NO_PAPER,)
-    tables, tasks = study_tables(config, results), figure_tasks(config, results)
-    written = _will_write(earlier, (RESULTS, PAGE, PAPER) if has_paper else (RESULTS, PAGE), tables, tasks)
+def _material(config: StudyConfig, engine: DelaySystem, results: StudyResults, made: Made, folder: Path) -> Material:
+    return Material(
+        config=config,
+        engine=engine,
+        results=results,
+        checks=check_study(config, results),
+        warnings=_all_warnings(config, results),
+        figures=folder / "figures",
+        made=made,
+    )
+
+
+class _Files(NamedTuple):
+    """Where a study is written, what was there, and what is there now."""
+
+    folder: Path
+    before: tuple[str, ...]
+    written: Written
+
+
+def _write_all(material: Material, report: Report, earlier: Written) -> _Files:
+    """Write tables, figures and both reports; on paper only where typst is installed, else there is a warning."""
+    config, results, folder = material.config, material.results, material.figures.parent
+    tables, tasks = study_tables(config, results), figure_tasks(config, material.engine, results)
+    pages = (RESULTS, PAGE, PAPER) if _has_paper() else (RESULTS, PAGE)
+    written = _will_write(earlier, pages, tables, tasks)
     if not earlier.is_whole:
-        keep_written(folder / FOLDER, replace(written, is_whole=False, files=tuple({*earlier.files, *written.files})))
+        keep_written(folder / FOLDER, replace(written, is_whole=False, files=tuple(sorted({*earlier.files, *written.files}))))
     report("tables", NUMBERS_SHARE)
     write_tables(folder / "tables", tables)
-    write_figures(tasks, folder / "figures", progress=_figure_progress(report))
+    write_figures(tasks, material.figures, progress=_figure_progress(report))
     report("report", FIGURES_SHARE)
-    making = read_making(folder / FOLDER / MAKING)
-    material = Material(
-        config=config,
-        results=results,
-        checks=checks,
-        warnings=warnings,
-        figures=folder / "figures",
-        seconds=making.seconds,
-        kept=making.kept,
-        made_on=making.made_on,
-    )
     document = make_document(material)
     write_html(document, folder / PAGE)
-    if has_paper:
+    if PAPER in pages:
         report("report on paper", 0.95)
         write_pdf(document, folder / PAPER)
-    record = study_record(config, results, checks, warnings, watch.seconds)
-    record["figures"] = [
-        {"id": row["id"], "title": row["title"], "file": f"figures/figure_{row['id']}.png", "caption": caption(row["id"], results)}
-        for row in figure_rows()
-    ]
-    write_json(folder / RESULTS, record, "results")
-    remove_files(folder, sorted(set(earlier.files) - set(written.files)))
-    keep_written(folder / FOLDER, written)
-    report("done", 1.0)
-    return Study(folder=folder, config=config, results=results, checks=checks, warnings=warnings, record=record)
+    return _Files(folder, earlier.files, written)
 
 
 def _will_write(earlier: Written, files: tuple[str, ...], tables: Iterable[Table], tasks: Iterable[FigureTask]) -> Written:
@@ -280,13 +295,36 @@ def _will_write(earlier: Written, files: tuple[str, ...], tables: Iterable[Table
     return replace(earlier, is_whole=True, files=tuple(sorted(files)))
 
 
+def _has_paper() -> bool:
+    return importlib.util.find_spec("typst") is not None
+
+
+def _all_warnings(config: StudyConfig, results: StudyResults) -> tuple[str, ...]:
+    return (*dict.fromkeys(find_warnings(config, results)), *(() if _has_paper() else (NO_PAPER,)))
+
+
+def _write_record(config: StudyConfig, results: StudyResults, made: Made, report: Report, files: _Files) -> Study:
+    """Write results.json, last of all: while it says that the study is partial, it is."""
+    checks, warnings = check_study(config, results), _all_warnings(config, results)
+    record = study_record(config, results, checks, warnings, made.seconds)
+    record["figures"] = [
+        {
+            "id": row["id"],
+            "title": figure_title(row["id"], results),
+            "file": f"figures/figure_{row['id']}.png",
+            "caption": caption(row["id"], results),
+        }
+        for row in figure_rows()
+    ]
+    write_json(files.folder / RESULTS, record, "results")
+    remove_files(files.folder, sorted(set(files.before) - set(files.written.files)))
+    keep_written(files.folder / FOLDER, files.written)
+    report("done", 1.0)
+    return Study(folder=files.folder, config=config, results=results, checks=checks, warnings=warnings, record=record)
+
+
 def _figure_progress(report: Report) -> Callable[[int, int, str], None]:
     def told(done: int, count: int, name: str) -> None:
         report(f"drawing {name}", NUMBERS_SHARE + (FIGURES_SHARE - NUMBERS_SHARE) * done / count)
 
     return told
-
-
-def _kept_files(folder: Path) -> frozenset[str]:
-    """Files of steps, each named by the step and the fingerprint of what it was made from."""
-    return frozenset(path.name for path in (folder / FOLDER).glob("*-*.json"))
