@@ -228,13 +228,18 @@ def interrupt_study(checker: Checker, out: Path) -> Done:
     command = [*checker.program, "study", "--out", str(out)]
     with subprocess.Popen(command, cwd=checker.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
         ends = time.monotonic() + LONGEST
-        while not list((out / "steps").glob("operating-point-*")):
+        while not has_finished(out / "results.json", "operating-point"):
             if running.poll() is not None or time.monotonic() > ends:
                 break
             time.sleep(0.02)
         running.send_signal(signal.SIGINT)
         told, warned = running.communicate(timeout=LONGEST)
     return Done(running.returncode, told, warned)
+
+
+def has_finished(results: Path, step: str) -> bool:
+    """Whether a study under way says that it has finished a step; its file is replaced as a whole."""
+    return results.is_file() and step in json.loads(results.read_text()).get("finished_steps", ())
 
 
 def check_partial(done: Done, results: str) -> list[str]:

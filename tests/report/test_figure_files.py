@@ -1,5 +1,6 @@
 import os
 import re
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -17,6 +18,7 @@ from revline.report.parts import Curve
 from revline.report.poles import PoleSet, plot_poles
 from revline.report.style import DPI, TIME, Quantity
 
+ROOT = Path(__file__).parents[2]
 T = np.linspace(0.0, 1.0, 50)
 
 
@@ -121,6 +123,56 @@ def test_a_worker_that_dies_is_reported(tmp_path: Path) -> None:
     with pytest.raises(AnalysisError, match="a process that drew figures died, perhaps for want of memory"):
         write_figures([*(curve_task(f"3.{k}") for k in range(4)), deadly], tmp_path)
     assert not any(name.endswith(".part") for name in parts(tmp_path))
+
+
+INTERRUPTED = """
+import os, signal, sys, threading
+from pathlib import Path
+from tests.report.test_figure_files import curve_task
+from revline.report.figure_files import write_figures
+
+if __name__ == "__main__":
+    def press() -> None:
+        for _ in range(2):
+            os.killpg(0, signal.SIGINT)
+
+    threading.Timer(float(sys.argv[2]), press).start()
+    try:
+        write_figures([curve_task(f"3.{k}", k + 1.0) for k in range(40)], sys.argv[1])
+    except KeyboardInterrupt:
+        print("interrupted")
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("after", [0.0, 0.2, 1.5])
+def test_an_interrupt_of_all_processes_twice_ends_the_drawing(tmp_path: Path, after: float) -> None:
+    """As a terminal sends it: to this process and the workers alike, also while these start; none may be left waiting."""
+    script = tmp_path / "interrupted.py"
+    script.write_text(INTERRUPTED)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT / "src"), str(ROOT)))}
+    done = subprocess.run(  # noqa: S603 - our own program
+        [sys.executable, str(script), str(tmp_path / "figures"), str(after)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+        env=environment,
+        start_new_session=True,
+    )
+    assert "interrupted" in done.stdout or "KeyboardInterrupt" in done.stderr
+    assert not list(tmp_path.rglob("*.part"))
+
+
+@pytest.mark.slow
+def test_workers_end_with_a_process_that_is_killed(tmp_path: Path) -> None:
+    """They hold its output open, so that reading that to its end waits for the last of them."""
+    script = tmp_path / "killed.py"
+    script.write_text(INTERRUPTED.replace("os.killpg(0, signal.SIGINT)", "os.kill(os.getpid(), signal.SIGKILL)"))
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT / "src"), str(ROOT)))}
+    command = [sys.executable, str(script), str(tmp_path / "figures"), "2.5"]
+    done = subprocess.run(command, capture_output=True, check=False, timeout=60, env=environment)  # noqa: S603 - our own program
+    assert done.returncode == -signal.SIGKILL
 
 
 def local_function() -> Callable[..., Figure]:

@@ -2,17 +2,22 @@
 
 import dataclasses
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from revline import signals
 from revline.analysis.trim import find_trim
+from revline.design.model_choice import Verdict
 from revline.design.outcome import Diverged, LimitCycle, Settled
 from revline.engine.catalogue import build_engine
-from revline.errors import InvalidInputError, PartialResultError
+from revline.engine.lee1995 import lee1995_parameters
+from revline.errors import AnalysisError, InvalidInputError, NotConvergedError, PartialResultError, StepError
 from revline.io.engine_files import format_engine, write_engine
 from revline.io.value_files import write_value
+from revline.report.html import render_html
 from revline.studies import loop_steps, made, steps, writing
 from revline.studies.captions import CAPTIONS, SPECTRUM_FIGURES, caption, figure_rows
 from revline.studies.chain import FOLDER
@@ -21,9 +26,11 @@ from revline.studies.config import StudyConfig
 from revline.studies.figures import figure_calls
 from revline.studies.guidelines import find_limits
 from revline.studies.made import describe_making
-from revline.studies.record import study_record
-from revline.studies.results import LoopRow
-from revline.studies.study import compute_study
+from revline.studies.partial import partial_document
+from revline.studies.parts import Parts
+from revline.studies.record import partial_record, study_record
+from revline.studies.results import LoopRow, NoRange
+from revline.studies.study import STEPS, compute_study
 from revline.studies.study_results import StudyResults
 from revline.studies.tables import study_tables
 
@@ -142,6 +149,102 @@ def test_kept_steps_give_the_same_study(
     again = compute_study(config, study_folder, lambda _, __: None)
     assert np.array_equal(again.response.fourier.values, results.response.fourier.values)
     assert again.guidelines == results.guidelines
+
+
+def test_a_step_that_fails_keeps_no_other_from_being_computed(
+    config: StudyConfig, results: StudyResults, study_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The models fail: what they need and what needs nothing of them is kept and shown, and the message says what is wanting."""
+
+    def fail(*_: object) -> None:
+        message = "no model fits"
+        raise NotConvergedError(message)
+
+    assert results.point.trim.stable  # the steps are kept by now
+    shutil.copytree(study_folder / FOLDER, tmp_path / FOLDER)
+    for path in (tmp_path / FOLDER).glob("models-*.json"):
+        path.unlink()
+    monkeypatch.setattr(steps, "fit_models", fail)
+    with pytest.raises(
+        PartialResultError, match=r"models: no model fits; .*begun for want of that: controllers, closed-loops, model-errors"
+    ):
+        writing.run_study(config, tmp_path)
+    partial = json.loads((tmp_path / "results.json").read_text())
+    assert partial["partial"] is True
+    assert [step["step"] for step in partial["failed_steps"]] == ["models", "models-of-table"]
+    assert partial["skipped_steps"][0] == {"step": "controllers", "wants": ["models"]}
+    whole = study_record(config, results, (), (), 0.0)
+    for key in ("operating_point", "steady_map", "operating_range", "spectra", "frequency_response"):
+        assert partial[key] == whole[key]
+    assert not {"models", "controllers", "closed_loops", "figures"} & set(partial)
+    page = (tmp_path / "report.html").read_text()
+    for words in ("This report is partial", "no model fits", "240.8", "not begun"):
+        assert words in page
+
+
+def test_a_wrong_question_found_under_way_names_its_step_and_ends_the_study(
+    config: StudyConfig, results: StudyResults, tmp_path: Path
+) -> None:
+    assert results.point.trim.stable  # the kernels are compiled by now
+    wide = dataclasses.replace(config, half_range_deg=24.0)
+    with pytest.raises(InvalidInputError, match=r"step steady-map of the study: study\.half_range_deg: range 1 to 49 deg"):
+        compute_study(wide, tmp_path, lambda _, __: None)
+
+
+def test_each_partial_record_holds_what_the_whole_one_does(config: StudyConfig, results: StudyResults) -> None:
+    parts = Parts()
+    for step in STEPS:
+        parts = parts.with_result(step.name, step.field, getattr(results, step.field))
+    record = partial_record(config, parts.with_result("guidelines", "guidelines", results.guidelines))
+    whole = study_record(config, results, check_study(config, results), (), 0.0)
+    assert {key: whole[key] for key in record if key in whole} == {key: value for key, value in record.items() if key in whole}
+    assert set(whole) - set(record) == {"seconds", "step_responses", "linearity", "checks", "warnings"}
+    text = render_html(partial_document(config, parts))
+    assert "c2d_reduced" in text
+
+
+def test_short_lags_get_short_steps_and_the_samples_stay(config: StudyConfig, results: StudyResults) -> None:
+    """Lags of a fifth of the usual step, and one that shrinks below it only during the run."""
+    engine = config.load_engine()
+    parameters = lee1995_parameters(engine)
+    quick = engine.with_parameters(parameters._replace(delays=parameters.delays._replace(spark_to_torque=0.05)))
+    run = steps.throttle_run(quick, find_trim(quick, inputs={"throttle": 25.0}), signals.step(5.0, start=0.1), 0.5)
+    assert np.allclose(np.diff(run.times), steps.STEP)
+    assert run.output("engine_speed")[-1] > results.point.trim.output("engine_speed")
+    tried: list[int] = []
+
+    def shrinking(pieces: int) -> int:
+        tried.append(pieces)
+        if pieces < 8:
+            message = "a lag fell below the step"
+            raise StepError(message)
+        return pieces
+
+    assert steps.in_short_steps(shrinking, 1e-3, (1.0, 1e-3)) == 8
+    assert tried == [2, 4, 8]
+    with pytest.raises(AnalysisError, match=r"a lag of the engine is shorter than .* s, too short for a study"):
+        steps.in_short_steps(shrinking, 1e-3, (1e-9,))
+
+
+def test_no_accepted_model_and_no_straight_range_end_no_study(
+    config: StudyConfig, results: StudyResults, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refused = Verdict(accepted=False, objections=("poor",), text="rejected: poor", numbers={})
+    monkeypatch.setattr(steps, "judge_model", lambda _: refused)
+    models = steps.fit_models(results.models.response)
+    assert models.chosen == ""
+    none = NoRange(tolerance=0.01, reason="bent")
+    bent = dataclasses.replace(results, models=models, range=dataclasses.replace(results.range, widest=none))
+    assert "widest" not in study_record(config, bent, (), (), 0.0)["operating_range"]
+    warnings = list(writing.find_warnings(config, bent))
+    assert any(text.startswith("no fitted model passes every test") for text in warnings)
+    assert "no range chosen automatically: bent" in warnings
+
+
+def test_a_command_needs_a_throttle_that_moves_the_speed() -> None:
+    assert loop_steps.round_to_two(-60.147) == -60.0
+    with pytest.raises(AnalysisError, match="does not move the speed at this operating point"):
+        loop_steps.round_to_two(0.0)
 
 
 def test_an_interrupted_study_says_so_and_goes_on(

@@ -8,9 +8,11 @@ import multiprocessing
 import os
 import re
 import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -198,11 +200,11 @@ def _draw_all(tasks: Sequence[FigureTask], folder: Path, workers: int) -> Iterat
     pool = ProcessPoolExecutor(
         min(workers, len(tasks)),
         mp_context=multiprocessing.get_context("spawn"),
-        initializer=signal.signal,  # an interrupt is for this process, which then lets the others finish what they draw
-        initargs=(signal.SIGINT, signal.SIG_IGN),
+        initializer=_begin_worker,
     )
     try:
-        running = {pool.submit(_draw_and_write, task, folder): task.name for task in tasks}
+        with _without_interrupts():
+            running = {pool.submit(_draw_and_write, task, folder): task.name for task in tasks}
         for future in as_completed(running):
             yield running[future], future.result()
     except BrokenProcessPool as error:
@@ -216,7 +218,31 @@ def _draw_all(tasks: Sequence[FigureTask], folder: Path, workers: int) -> Iterat
         )
         raise AnalysisError(message) from error
     finally:
-        pool.shutdown(cancel_futures=True)
+        with _without_interrupts():  # a second one must not keep the workers from being told
+            pool.shutdown(cancel_futures=True)
+
+
+@contextmanager
+def _without_interrupts() -> Iterator[None]:
+    """Hold interrupts back while workers start, which inherit that, or end: one cut off in between would leave this process waiting."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _begin_worker() -> None:
+    """Leave interrupts to the process that began this one, which lets it finish what it draws; but end with that process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _draw_and_write(task: FigureTask, folder: Path) -> _Failure | None:

@@ -22,7 +22,7 @@ from revline.studies import content_loops, content_models
 from revline.studies.config import StudyConfig
 from revline.studies.content_engine import engine_section
 from revline.studies.material import Material, figures
-from revline.studies.results import RangeResult
+from revline.studies.results import NoRange, RangeResult
 from revline.studies.words import listed, outcome_text, typographic
 from revline.units import RPM
 
@@ -156,6 +156,10 @@ def _simulation(material: Material) -> Section:
 def _steady(material: Material) -> Section:
     result = material.results.range
     widest = result.widest
+    if isinstance(widest, NoRange):
+        allowed = "no range about the operating point would be straight enough."
+    else:
+        allowed = f"the range about the operating point could be {widest.line.low:.1f} to {widest.line.high:.1f} deg."
     return Section(
         title="Steady states and operating range",
         anchor="steady",
@@ -165,8 +169,7 @@ def _steady(material: Material) -> Section:
                     "A linear model can stand for the engine only where speed follows throttle in a straight line. [](#figure-4.1) shows "
                     "all states of rest: at each throttle angle the speed at which torque, friction and load are in balance. "
                     f"{_straightness(result)} "
-                    f"Were an error of {100 * widest.tolerance:g} % of the span allowed, the range about the operating point could be "
-                    f"{widest.line.low:.1f} to {widest.line.high:.1f} deg."
+                    f"Were an error of {100 * widest.tolerance:g} % of the span allowed, {allowed}"
                 )
             ),
             *_steady_table(material),

@@ -1,6 +1,7 @@
 """Closed loops and time-domain errors: how the linear models' promises hold on the engine. Source: Lee (1995), chapters 5 and 6."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -12,11 +13,11 @@ from revline.design.controller import PidGains
 from revline.design.linear_loop import measure_closed_loop
 from revline.design.loop_stability import judge_loop_stability
 from revline.engine.lee1995 import lee1995_parameters
-from revline.errors import NotSettledError
+from revline.errors import AnalysisError, NotSettledError
 from revline.lti.transfer_function import TransferFunction
 from revline.studies.config import StudyConfig
 from revline.studies.results import ControllersResult, ErrorRecord, ErrorsResult, Floats, LoopRow, LoopsResult, ModelsResult, PointResult
-from revline.studies.steps import STEP_AT, throttle_run
+from revline.studies.steps import STEP_AT, in_short_steps, throttle_run
 from revline.system import DelaySystem
 
 PAIRS = (
@@ -58,7 +59,14 @@ def run_loops(
 
 
 def round_to_two(value: float) -> float:
-    """Round to two significant digits, as a person would choose a command."""
+    """Round to two significant digits, as a person would choose a command.
+
+    Raises:
+        AnalysisError: the value is 0, and no command.
+    """
+    if value == 0.0:
+        message = "the throttle does not move the speed at this operating point, so that its amplitude is worth no command; choose another"
+        raise AnalysisError(message)
     size = 10.0 ** (math.floor(math.log10(abs(value))) - 1)
     return round(value / size) * size
 
@@ -88,7 +96,12 @@ def _run_until_decided(
 
 def _run_once(engine: DelaySystem, point: PointResult, models: ModelsResult, gains: PidGains, plant: str, task: LoopTask) -> LoopRun:
     if plant == "engine":
-        return run_loop(engine, operating_point(point), gains, task, limits=throttle_limits(engine))
+        start, limits = operating_point(point), throttle_limits(engine)
+        return in_short_steps(
+            lambda pieces: run_loop(engine, start, gains, replace(task, step=task.step / pieces), limits=limits),
+            task.step,
+            point.trim.lags,
+        )
     coarse = LoopTask(command=task.command, until=task.until, step=max(task.step, task.until / 4000.0))
     model = models.fit(plant).fit.model
     return run_linear_loop(model, gains, coarse, name=plant, base=(point.trim.input("throttle"), point.trim.output("engine_speed")))
@@ -144,7 +157,7 @@ def _sine_answer(model: TransferFunction, frequency: float, times: Floats) -> Fl
 
 
 def _equal_frequency(models: ModelsResult) -> float:
-    """Frequency in rad/s at which G2 and G2d err alike, the response between its samples read by a cubic spline in log frequency."""
+    """Frequency in rad/s, from 5 to 60, at which G2 and G2d err alike, or 0; the response is read by a cubic spline in log frequency."""
     response = models.response
     logarithm = CubicSpline(np.log(response.omega), np.log(response.magnitude) + 1j * np.deg2rad(response.phase_deg))
 
@@ -155,6 +168,6 @@ def _equal_frequency(models: ModelsResult) -> float:
         return float(abs(g2 - truth) - abs(g2d - truth))
 
     low, high = math.log(max(response.omega[0], 5.0)), math.log(min(response.omega[-1], 60.0))
-    if advantage(low) * advantage(high) > 0.0:
+    if low >= high or advantage(low) * advantage(high) > 0.0:
         return 0.0
     return math.exp(float(brentq(advantage, low, high)))

@@ -1,12 +1,16 @@
 """A study's results as the fields of results.json, which programs rely on."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from revline import __version__
 from revline.analysis.cycle_readings import ReadingMethod
+from revline.analysis.operating_range import OperatingRange
+from revline.analysis.sinestream import Sinestream
 from revline.analysis.spectrum import SpectralCheck
 from revline.design.closed_loop import LoopRun
 from revline.design.controller import PidGains
@@ -15,39 +19,45 @@ from revline.errors import NotSettledError
 from revline.lti.response import FrequencyResponse
 from revline.studies.checks import Check
 from revline.studies.config import StudyConfig
-from revline.studies.results import ErrorsResult, LoopRow, ModelsResult, PointResult, RangeResult
+from revline.studies.parts import Parts
+from revline.studies.results import ControllersResult, ErrorsResult, LoopRow, ModelsResult, PointResult, RangeResult
 from revline.studies.study_results import StudyResults
 
 SCHEMA = "revline.study/1"
+PARTIAL_NOTE = "this study is not finished; run the same command again and it goes on from its finished steps"
 Record = dict[str, Any]
 
 
 def study_record(config: StudyConfig, results: StudyResults, checks: Iterable[Check], warnings: Iterable[str], seconds: float) -> Record:
     """Collect all fields of results.json but the figures'."""
-    record: Record = {
-        "schema": SCHEMA,
-        "engine": config.engine,
-        "version": __version__,
+    found = {field.name: getattr(results, field.name) for field in fields(results)}
+    return {
+        **_head(config),
         "seconds": seconds,
-        "operating_point": point_record(results.point),
-        "steady_map": map_record(results.range),
-        "operating_range": range_record(results.range),
+        **_parts_record(config, found),
         "step_responses": [{"step_deg": size, "file": f"tables/step_{size:g}_deg.csv"} for size in results.steps.sizes],
-        "spectra": [spectrum_record(check) for check in results.spectra],
         "linearity": {"verdict": results.linearity.text},
-        "frequency_response": response_records(config, results),
-        "models": models_record(results.models),
-        "controllers": {name: gains_record(gains) for name, gains in results.controllers.gains.items()},
-        "fine_tuning": {name: tuning.text for name, tuning in results.controllers.tunings.items()},
-        "closed_loops": [loop_record(row) for row in results.loops.rows],
-        "model_errors": error_records(results.errors),
-        "guidelines": list(results.guidelines),
         "checks": [check.record() for check in checks],
         "warnings": list(warnings),
     }
-    if results.table_models:
-        record["models_from_table"] = models_record(results.table_models[0])
-    return record
+
+
+def partial_record(config: StudyConfig, parts: Parts) -> Record:
+    """Fields of results.json of a study that is not finished: that it is partial, what is missing and why, and all that is found."""
+    record: Record = {**_head(config), "partial": True, "note": PARTIAL_NOTE, "finished_steps": list(parts.finished)}
+    if not parts.is_whole:
+        record["failed_steps"] = [{"step": step.name, "error": step.reason} for step in parts.failed]
+        record["skipped_steps"] = [{"step": step.name, "wants": list(step.wants)} for step in parts.skipped]
+    return record | _parts_record(config, parts.found)
+
+
+def _head(config: StudyConfig) -> Record:
+    return {"schema": SCHEMA, "engine": config.engine, "version": __version__}
+
+
+def _parts_record(config: StudyConfig, found: Mapping[str, Any]) -> Record:
+    """Fields of those results that are there."""
+    return {key: value for name, write in PARTS.items() if name in found for key, value in write(config, found).items()}
 
 
 def point_record(point: PointResult) -> Record:
@@ -83,7 +93,7 @@ def map_record(result: RangeResult) -> list[Record]:
 def range_record(result: RangeResult) -> Record:
     """The line over the range studied, and the range that a tolerance would choose."""
     line, widest = result.line, result.widest
-    return {
+    record: Record = {
         "low_deg": line.low,
         "high_deg": line.high,
         "slope_rad_s_per_deg": line.slope,
@@ -91,13 +101,15 @@ def range_record(result: RangeResult) -> Record:
         "max_error_rad_s": line.max_error,
         "max_error_at_deg": line.max_error_at,
         "lowest_throttle_deg": result.steady_map.lowest,
-        "widest": {
+    }
+    if isinstance(widest, OperatingRange):
+        record["widest"] = {
             "tolerance_of_span": widest.tolerance,
             "low_deg": widest.line.low,
             "high_deg": widest.line.high,
             "max_error_rad_s": widest.line.max_error,
-        },
-    }
+        }
+    return record
 
 
 def spectrum_record(check: SpectralCheck) -> Record:
@@ -117,9 +129,8 @@ def spectrum_record(check: SpectralCheck) -> Record:
     }
 
 
-def response_records(config: StudyConfig, results: StudyResults) -> list[Record]:
+def response_records(config: StudyConfig, stream: Sinestream, exact: FrequencyResponse) -> list[Record]:
     """Rows of the frequency response, by every method."""
-    stream, exact = results.response, results.point.exact
     rows: list[Record] = []
     for method in (ReadingMethod.PEAKS, ReadingMethod.FOURIER):
         response = stream.response(method)
@@ -231,3 +242,30 @@ def error_records(errors: ErrorsResult) -> list[Record]:
             }
             rows.append(row)
     return rows
+
+
+def controller_records(controllers: ControllersResult) -> Record:
+    """Controllers, and what the tuned ones minimise."""
+    return {
+        "controllers": {name: gains_record(gains) for name, gains in controllers.gains.items()},
+        "fine_tuning": {name: tuning.text for name, tuning in controllers.tunings.items()},
+    }
+
+
+PARTS: Mapping[str, Callable[[StudyConfig, Mapping[str, Any]], Record]] = MappingProxyType(
+    {
+        "point": lambda _, found: {"operating_point": point_record(found["point"])},
+        "range": lambda _, found: {"steady_map": map_record(found["range"]), "operating_range": range_record(found["range"])},
+        "spectra": lambda _, found: {"spectra": [spectrum_record(check) for check in found["spectra"]]},
+        "response": lambda config, found: {
+            "frequency_response": response_records(config, found["response"], found["point"].exact),
+        },
+        "models": lambda _, found: {"models": models_record(found["models"])},
+        "table_models": lambda _, found: {"models_from_table": models_record(found["table_models"][0])} if found["table_models"] else {},
+        "controllers": lambda _, found: controller_records(found["controllers"]),
+        "loops": lambda _, found: {"closed_loops": [loop_record(row) for row in found["loops"].rows]},
+        "errors": lambda _, found: {"model_errors": error_records(found["errors"])},
+        "guidelines": lambda _, found: {"guidelines": list(found["guidelines"])},
+    }
+)
+"""Fields of results.json that each part of a study gives, by the field of `StudyResults`."""

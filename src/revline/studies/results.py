@@ -41,13 +41,21 @@ class PointResult:
     exact: FrequencyResponse
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoRange:
+    """No range about the operating point is linear within a tolerance, and why."""
+
+    tolerance: float
+    reason: str
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RangeResult:
-    """Steady map, the line over the range studied, and the widest range for a stated tolerance."""
+    """Steady map, the line over the range studied, and the widest range for a stated tolerance, where there is one."""
 
     steady_map: SteadyMap
     line: LineFit
-    widest: OperatingRange
+    widest: OperatingRange | NoRange
 
 
 class TimeRecord(NamedTuple):

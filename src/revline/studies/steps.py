@@ -1,18 +1,20 @@
 """The steps of the study of Lee (1995), each a function from frozen values to a frozen value."""
 
+from collections.abc import Callable, Iterable
 from types import MappingProxyType
+from typing import TypeVar
 
 import numpy as np
 
 from revline import signals
 from revline.analysis.linearize import linearize
-from revline.analysis.operating_range import find_operating_range, fit_line
+from revline.analysis.operating_range import LineFit, OperatingRange, find_operating_range, fit_line
 from revline.analysis.periodic import Excitation
 from revline.analysis.sinestream import Sinestream, find_sinestream
-from revline.analysis.steady_map import find_steady_map
+from revline.analysis.steady_map import SteadyMap, find_steady_map
 from revline.analysis.threads import Progress
 from revline.analysis.trim import Trim, find_trim
-from revline.dde.simulate import Start, Trajectory, simulate
+from revline.dde.simulate import Options, Start, Trajectory, simulate
 from revline.design.controller import PidGains
 from revline.design.fine_tuning import FineTuning, Objective, fine_tune
 from revline.design.model_choice import choose_model, fit_all_models, judge_model
@@ -20,13 +22,22 @@ from revline.design.rules import tune_pi_pole_placement, tune_pid_ziegler_nichol
 from revline.design.step_tangent import measure_step_tangent
 from revline.engine.lee1995 import lee1995_parameters
 from revline.engine.torque import Rotation
+from revline.errors import AnalysisError, InvalidInputError, StepError
 from revline.lti.response import FrequencyResponse
 from revline.studies.config import StartingGains, StudyConfig, read_table_4_1
-from revline.studies.results import ControllersResult, ModelsResult, PointResult, RangeResult, SineRecord, StepsResult, TimeRecord
+from revline.studies.results import ControllersResult, ModelsResult, NoRange, PointResult, RangeResult, SineRecord, StepsResult, TimeRecord
 from revline.system import DelaySystem
 
+T = TypeVar("T")
+
 STEP = 1e-3
-"""Step of the simulations, in s. Source: Lee (1995), chapter 3."""
+"""Distance of samples, and step of the simulations where the lags allow it, in s. Source: Lee (1995), chapter 3."""
+
+LAG_SHARE = 0.5
+"""Part of the shortest lag at the start that a step does not exceed."""
+
+MOST_PIECES = 256
+"""Into how many steps the distance of samples is cut at most."""
 
 HELD_INERTIA = 1e12
 """Inertia in kg m2 with which the speed does not move: the pressure's own answer."""
@@ -71,9 +82,24 @@ def find_range(engine: DelaySystem, config: StudyConfig) -> RangeResult:
     )
     return RangeResult(
         steady_map=steady_map,
-        line=fit_line(steady_map, low=low, high=high),
-        widest=find_operating_range(steady_map, centre=config.throttle_deg, tolerance=RANGE_TOLERANCE),
+        line=_line(steady_map, low, high),
+        widest=_widest(steady_map, config.throttle_deg),
     )
+
+
+def _line(steady_map: SteadyMap, low: float, high: float) -> LineFit:
+    try:
+        return fit_line(steady_map, low=low, high=high)
+    except InvalidInputError as error:
+        message = f"study.half_range_deg: {error}; give another half_range_deg or throttle_deg"
+        raise InvalidInputError(message, **error.details) from error
+
+
+def _widest(steady_map: SteadyMap, centre: float) -> OperatingRange | NoRange:
+    try:
+        return find_operating_range(steady_map, centre=centre, tolerance=RANGE_TOLERANCE)
+    except AnalysisError as error:
+        return NoRange(tolerance=RANGE_TOLERANCE, reason=str(error))
 
 
 def run_steps(engine: DelaySystem, point: PointResult, config: StudyConfig) -> StepsResult:
@@ -173,9 +199,38 @@ def _start_of_tuning(start: StartingGains | None, rule: PidGains, name: str) -> 
     return begin, start.free, Objective.LOAD_ERROR
 
 
-def throttle_run(engine: DelaySystem, trim: Trim, signal: signals.Signal, until: float, step: float = STEP) -> Trajectory:
-    """Simulate the engine from a trim under a throttle signal."""
-    return simulate(engine, Start(states=trim.states, inputs=trim.inputs), {"throttle": signal}, until=until, step=step)
+def throttle_run(engine: DelaySystem, trim: Trim, signal: signals.Signal, until: float, spacing: float = STEP) -> Trajectory:
+    """Simulate the engine from a trim under a throttle signal, in steps short enough for its lags, with samples at a spacing."""
+    start = Start(states=trim.states, inputs=trim.inputs)
+
+    def run(pieces: int) -> Trajectory:
+        return simulate(engine, start, {"throttle": signal}, until=until, step=spacing / pieces, options=Options(every=pieces))
+
+    return in_short_steps(run, spacing, trim.lags)
+
+
+def in_short_steps(run: Callable[[int], T], spacing: float, lags: Iterable[float]) -> T:
+    """Run with a spacing cut into 1, 2, 4, ... pieces: the fewest that suit the lags at the start and those that the run comes to.
+
+    Args:
+        run: told how many pieces.
+        spacing: to be cut, in s.
+        lags: at the start, in s.
+
+    Raises:
+        AnalysisError: a lag is too short to be simulated.
+    """
+    longest = LAG_SHARE * min(lags)
+    pieces = 1
+    while pieces <= MOST_PIECES:
+        if spacing / pieces <= longest:
+            try:
+                return run(pieces)
+            except StepError:
+                pass
+        pieces *= 2
+    message = f"a lag of the engine is shorter than {spacing / MOST_PIECES:g} s, too short for a study; give longer delays"
+    raise AnalysisError(message)
 
 
 def time_record(run: Trajectory) -> TimeRecord:

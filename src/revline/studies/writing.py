@@ -1,12 +1,12 @@
 """Running a study into a folder: numbers, tables, figures, report, results.json. Interrupted, it says so and goes on later."""
 
+import importlib.util
 import re
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from revline import __version__
 from revline.errors import InvalidInputError, PartialResultError, RevlineError
 from revline.io.engine_files import read_engine, write_engine
 from revline.io.json_files import write_json
@@ -14,20 +14,25 @@ from revline.io.value_files import read_value, write_value
 from revline.report.figure_files import FigureTask, figure_task, write_figures
 from revline.report.html import write_html
 from revline.report.pdf import write_pdf
-from revline.report.tables import write_tables
+from revline.report.tables import Table, write_tables
 from revline.studies.captions import caption, figure_rows, figure_title
-from revline.studies.chain import FOLDER, Report, Stopwatch
+from revline.studies.chain import FOLDER, Report, Stopwatch, code_digest
 from revline.studies.checks import Check, check_study
 from revline.studies.config import StudyConfig
-from revline.studies.content import make_document, make_partial_document
+from revline.studies.content import make_document
 from revline.studies.figures import figure_calls
+from revline.studies.folder import Written, is_finished, keep_written, read_written, remove_files, study_folder
 from revline.studies.made import Made, check_making, describe_making
 from revline.studies.material import Material
-from revline.studies.record import SCHEMA, study_record
+from revline.studies.partial import write_partial_report
+from revline.studies.parts import Parts
+from revline.studies.record import partial_record, study_record
+from revline.studies.results import NoRange
 from revline.studies.study import NUMBERS_SHARE, compute_study
 from revline.studies.study_results import StudyResults
 from revline.studies.tables import study_tables
 from revline.system import DelaySystem
+from revline.values import fingerprint
 
 RESULTS = "results.json"
 QUESTIONS = "questions.json"
@@ -36,6 +41,7 @@ MADE = "made.json"
 ENGINE = "engine.toml"
 PAGE = "report.html"
 PAPER = "report.pdf"
+NO_PAPER = "there is no report.pdf: typst, which sets it, is not installed; pip install revline[report]"
 
 FIGURES_SHARE = 0.85
 """Part of a study that is done when its figures are drawn."""
@@ -70,6 +76,9 @@ class Study:
 def run_study(config: StudyConfig, folder: str | Path, report: Report = lambda _, __: None) -> Study:
     """Run a study into a folder; one that was interrupted there goes on from its finished steps.
 
+    Until it is finished, results.json and report.html say after each step that they are partial, and hold what is found. A study that
+    lies there finished already stays so.
+
     Args:
         config: the questions.
         folder: made if it is missing.
@@ -79,35 +88,89 @@ def run_study(config: StudyConfig, folder: str | Path, report: Report = lambda _
         The study, all files written.
 
     Raises:
-        InvalidInputError: the folder cannot be written, or a question is unusable.
-        AnalysisError: a step could not be completed; finished ones are kept and results.json says that it is partial.
-        PartialResultError: it was interrupted; the same.
+        InvalidInputError: the folder cannot be written or another study is at work there, or a question is unusable.
+        AnalysisError: a figure or the report could not be made.
+        PartialResultError: it was interrupted, or some steps could not be completed; what does not need these is computed.
     """
     place, watch = Path(folder), Stopwatch()
-    steps = _prepare(place)
-    _write_partial(place, config)
-    try:
-        engine = config.load_engine()
-        for name in (BUNDLE, MADE):
-            (steps / name).unlink(missing_ok=True)  # answers to other questions may lie there
-        write_value(steps / QUESTIONS, config)
-        results = compute_study(config, place, report)
-        write_value(steps / BUNDLE, results)
-        write_engine(engine, steps / ENGINE)
-        made = describe_making(config, engine, results, watch.seconds)
-        write_value(steps / MADE, made)
-        _write_all(_material(config, engine, results, made, place), report)
-        timed = replace(made, seconds=watch.seconds)
-        write_value(steps / MADE, timed)
-        return _write_record(config, results, timed, place, report)
-    except KeyboardInterrupt as error:
-        record = _write_partial(place, config)
-        done = ", ".join(record["finished_steps"]) or "nothing"
-        message = f"interrupted: {place} is partial (finished: {done}); run the same command again and it goes on from there"
-        raise PartialResultError(message) from error
-    except RevlineError:
-        _write_partial(place, config)
-        raise
+    engine = config.load_engine()
+    questions = fingerprint(config, engine.content_digest)
+    with study_folder(place) as steps:
+        ledger = _open_ledger(config, place, questions)
+        try:
+            results = compute_study(config, place, report, ledger.keep)
+            write_value(steps / BUNDLE, results)
+            write_engine(engine, steps / ENGINE)
+            made = describe_making(config, engine, results, watch.seconds)
+            write_value(steps / MADE, made)
+            written = _write_all(_material(config, engine, results, made, place), report, ledger.written)
+            timed = replace(made, seconds=watch.seconds)
+            write_value(steps / MADE, timed)
+            return _write_record(config, results, timed, report, written)
+        except KeyboardInterrupt as error:
+            ledger.say_partial()
+            message = f"interrupted: {ledger.state}; run the same command again and it goes on from there"
+            raise PartialResultError(message) from error
+        except RevlineError:
+            ledger.say_partial()
+            raise
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class _Ledger:
+    """What the folder of a study under way says of it.
+
+    Attributes:
+        place: the folder.
+        config: the questions.
+        written: what is or will be written there; whole where the very study lies there finished.
+        parts: what is found so far.
+    """
+
+    place: Path
+    config: StudyConfig
+    written: Written
+    parts: Parts = field(default_factory=Parts)
+
+    def keep(self, parts: Parts) -> None:
+        """Take what is found, and say it in results.json."""
+        self.parts = parts
+        if not self.written.is_whole:
+            write_json(self.place / RESULTS, partial_record(self.config, parts), "results")
+
+    def say_partial(self) -> None:
+        """Say in results.json and on the report's page that the study is partial, and hold what is found."""
+        if not self.written.is_whole:
+            self.keep(self.parts)
+            write_partial_report(self.config, self.parts, self.place / PAGE)
+
+    @property
+    def state(self) -> str:
+        """How the folder is left, in words."""
+        if self.written.is_whole:
+            return f"{self.place} holds the study as it was finished before"
+        return f"{self.place} is partial (finished: {', '.join(self.parts.finished) or 'nothing'})"
+
+
+def _open_ledger(config: StudyConfig, place: Path, questions: str) -> _Ledger:
+    """Say that the study is partial and remove what answered other questions, unless the very study lies there finished."""
+    steps = place / FOLDER
+    earlier = read_written(steps)
+    if is_finished(place, earlier, questions, code_digest()) and earlier is not None:
+        return _Ledger(place=place, config=config, written=earlier)
+    same = earlier is not None and earlier.questions == questions
+    if earlier is not None and not same:
+        remove_files(place, earlier.files)
+    remove_files(place, (PAPER,))  # it cannot say that it is partial
+    for name in (BUNDLE, MADE):
+        (steps / name).unlink(missing_ok=True)  # answers to other questions may lie there
+    files = earlier.files if earlier is not None and same else ()
+    written = Written(questions=questions, code=code_digest(), is_whole=False, files=files)
+    ledger = _Ledger(place=place, config=config, written=written)
+    ledger.say_partial()
+    keep_written(steps, written)
+    write_value(steps / QUESTIONS, config)
+    return ledger
 
 
 def rebuild_report(folder: str | Path, report: Report = lambda _, __: None) -> Study:
@@ -128,8 +191,11 @@ def rebuild_report(folder: str | Path, report: Report = lambda _, __: None) -> S
         raise InvalidInputError(message, path=str(place))
     engine = read_engine(steps / ENGINE)
     check_making(config, engine, results, made)
-    _write_all(_material(config, engine, results, made, place), report)
-    return _write_record(config, results, made, place, report)
+    with study_folder(place):
+        found = read_written(steps)
+        earlier = Written(questions=made.questions, code=made.code, is_whole=False, files=()) if found is None else found
+        written = _write_all(_material(config, engine, results, made, place), report, earlier)
+        return _write_record(config, results, made, report, written)
 
 
 def find_warnings(config: StudyConfig, results: StudyResults) -> Iterator[str]:
@@ -140,6 +206,8 @@ def find_warnings(config: StudyConfig, results: StudyResults) -> Iterator[str]:
         yield f"the operating point is unstable without control ({trim.unstable_count} roots in the right half-plane)"
     yield from (str(left) for left in trim.left_out)
     yield from results.response.notes
+    if isinstance(results.range.widest, NoRange):
+        yield f"no range chosen automatically: {results.range.widest.reason}"
     if not results.models.chosen:
         yield "no fitted model passes every test (see its verdict); the controllers designed on them may not keep their promise"
     if not config.is_the_thesis:
@@ -192,25 +260,50 @@ def _material(config: StudyConfig, engine: DelaySystem, results: StudyResults, m
     )
 
 
-def _write_all(material: Material, report: Report) -> None:
-    """Write tables, figures and both reports."""
+class _Files(NamedTuple):
+    """Where a study is written, what was there, and what is there now."""
+
+    folder: Path
+    before: tuple[str, ...]
+    written: Written
+
+
+def _write_all(material: Material, report: Report, earlier: Written) -> _Files:
+    """Write tables, figures and both reports; on paper only where typst is installed, else there is a warning."""
     config, results, folder = material.config, material.results, material.figures.parent
+    tables, tasks = study_tables(config, results), figure_tasks(config, material.engine, results)
+    pages = (RESULTS, PAGE, PAPER) if _has_paper() else (RESULTS, PAGE)
+    written = _will_write(earlier, pages, tables, tasks)
+    if not earlier.is_whole:
+        keep_written(folder / FOLDER, replace(written, is_whole=False, files=tuple(sorted({*earlier.files, *written.files}))))
     report("tables", NUMBERS_SHARE)
-    write_tables(folder / "tables", study_tables(config, results))
-    tasks = figure_tasks(config, material.engine, results)
+    write_tables(folder / "tables", tables)
     write_figures(tasks, material.figures, progress=_figure_progress(report))
     report("report", FIGURES_SHARE)
     document = make_document(material)
     write_html(document, folder / PAGE)
-    report("report on paper", 0.95)
-    write_pdf(document, folder / PAPER)
+    if PAPER in pages:
+        report("report on paper", 0.95)
+        write_pdf(document, folder / PAPER)
+    return _Files(folder, earlier.files, written)
+
+
+def _will_write(earlier: Written, files: tuple[str, ...], tables: Iterable[Table], tasks: Iterable[FigureTask]) -> Written:
+    """All files of a finished study."""
+    files += tuple(f"tables/{table.name}.csv" for table in tables)
+    files += tuple(f"figures/{task.name}.{ending}" for task in tasks for ending in ("png", "svg"))
+    return replace(earlier, is_whole=True, files=tuple(sorted(files)))
+
+
+def _has_paper() -> bool:
+    return importlib.util.find_spec("typst") is not None
 
 
 def _all_warnings(config: StudyConfig, results: StudyResults) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(find_warnings(config, results)))
+    return (*dict.fromkeys(find_warnings(config, results)), *(() if _has_paper() else (NO_PAPER,)))
 
 
-def _write_record(config: StudyConfig, results: StudyResults, made: Made, folder: Path, report: Report) -> Study:
+def _write_record(config: StudyConfig, results: StudyResults, made: Made, report: Report, files: _Files) -> Study:
     """Write results.json, last of all: while it says that the study is partial, it is."""
     checks, warnings = check_study(config, results), _all_warnings(config, results)
     record = study_record(config, results, checks, warnings, made.seconds)
@@ -223,9 +316,11 @@ def _write_record(config: StudyConfig, results: StudyResults, made: Made, folder
         }
         for row in figure_rows()
     ]
-    write_json(folder / RESULTS, record, "results")
+    write_json(files.folder / RESULTS, record, "results")
+    remove_files(files.folder, sorted(set(files.before) - set(files.written.files)))
+    keep_written(files.folder / FOLDER, files.written)
     report("done", 1.0)
-    return Study(folder=folder, config=config, results=results, checks=checks, warnings=warnings, record=record)
+    return Study(folder=files.folder, config=config, results=results, checks=checks, warnings=warnings, record=record)
 
 
 def _figure_progress(report: Report) -> Callable[[int, int, str], None]:
@@ -233,38 +328,3 @@ def _figure_progress(report: Report) -> Callable[[int, int, str], None]:
         report(f"drawing {name}", NUMBERS_SHARE + (FIGURES_SHARE - NUMBERS_SHARE) * done / count)
 
     return told
-
-
-def _prepare(folder: Path) -> Path:
-    """Make the folder and see that it can be written, before anything long is begun."""
-    steps = folder / FOLDER
-    try:
-        steps.mkdir(parents=True, exist_ok=True)
-        probe = steps / ".probe"
-        probe.write_text("")
-        probe.unlink()
-    except OSError as error:
-        message = f"the folder {folder} cannot be written: {error.strerror}; name one that may be written with --out"
-        raise InvalidInputError(message, path=str(folder)) from error
-    return steps
-
-
-def _write_partial(folder: Path, config: StudyConfig) -> dict[str, Any]:
-    """Say in results.json and on the page that the study is not finished; a report of other questions does not stay beside."""
-    record = _partial_record(folder, config)
-    write_json(folder / RESULTS, record, "results")
-    write_html(make_partial_document(config, record["finished_steps"]), folder / PAGE)
-    (folder / PAPER).unlink(missing_ok=True)
-    return record
-
-
-def _partial_record(folder: Path, config: StudyConfig) -> dict[str, Any]:
-    finished = sorted({path.name.rpartition("-")[0] for path in (folder / FOLDER).glob("*-*.json")})
-    return {
-        "schema": SCHEMA,
-        "partial": True,
-        "engine": config.engine,
-        "version": __version__,
-        "finished_steps": finished,
-        "note": "this study is not finished; run the same command again and it goes on from its finished steps",
-    }
