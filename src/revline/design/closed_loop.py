@@ -178,7 +178,8 @@ def run_loop(
 ) -> LoopRun:
     """Close a loop around a system at rest, step its command, and tell how it ends.
 
-    Where a lag falls below the step during the run, the step is halved, up to four times; samples stay where they were asked for.
+    A step that is longer than a lag which the run comes to is refused. Where a run fails by a lag in another way, it is made again with
+    half the step, up to four times, to tell whether the step or the model is at fault; samples stay where they were asked for.
     As the system has limits of its own, it counts as diverged only where its measurement also is further from the target than it was
     from zero at the start.
 

@@ -18,7 +18,7 @@ from revline.system import DelaySystem
 Floats = NDArray[np.float64]
 
 HALVINGS = 4
-"""How many times the step is halved where a lag is shorter than it."""
+"""How many times the step is halved where a run fails by a lag that is not merely shorter than the step."""
 
 LEAST_STEPS = 20
 """A run that is cut short is recorded with at least this many steps."""
