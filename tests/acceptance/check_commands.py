@@ -273,6 +273,8 @@ def check_study_command(checker: Checker) -> None:
     if json.loads(whole.out, parse_constant=refuse_constant) != json.loads((out / "results.json").read_text()):
         faults.append("what --json prints is not results.json")
     checker.record("revline study, continued", faults)
+    same = Value(("compare", "study", "study", "--json"), (("same", True, 0.0), ("only_first", [], 0.0)), ())
+    checker.try_value(same)
     judged = subprocess.run([sys.executable, HERE / "check_study.py", out], capture_output=True, text=True, check=False)
     checker.record("check_study.py", [judged.stdout[-500:]] if judged.returncode else [])
     page = (out / "report.html").read_bytes()
@@ -286,7 +288,9 @@ def check_help(checker: Checker, tried: frozenset[str]) -> None:
     listing = checker.run(("--help",))
     checker.record("revline --help", check_frame(listing, 0))
     names = [line.split()[0] for line in listing.out.partition("Commands:")[2].splitlines() if line.startswith("  ") and line[2] != " "]
-    checker.record("commands tried", [f"{name} is listed and not tried here" for name in names if name not in tried | {"study", "report"}])
+    checker.record(
+        "commands tried", [f"{name} is listed and not tried here" for name in names if name not in tried | {"study", "report", "compare"}]
+    )
     for name in names:
         done = checker.run((name, "--help"))
         faults = check_frame(done, 0)

@@ -15,6 +15,7 @@ import typer
 
 from revline import __version__
 from revline.cli import (
+    compare_command,
     engine_commands,
     loop_command,
     map_command,
@@ -103,6 +104,7 @@ COMMANDS = (
     ),
     Entry("study", study_commands.study, "The whole study into a folder, with its report.", "revline study --out out"),
     Entry("report", study_commands.report, "Make a study's report again.", "revline report out"),
+    Entry("compare", compare_command.compare, "What two studies have different.", "revline compare out other"),
 )
 """All commands, in the order of the work."""
 
