@@ -127,7 +127,16 @@ def test_state_outside_search_range_is_left_out_and_named(chain: DelaySystem) ->
     assert other.quantity == "level"
     assert other.value == pytest.approx(-1.5)
     assert other.longest_lag == pytest.approx(1.0 + 0.1 * 2.25)
-    assert str(other) == "left out: a steady state at level = -1.5 m, with a lag of 1.23 s, below the search limit 0 m"
+    # s + 1 = 6 exp(-1.725 s) has one real root and one pair right of the imaginary axis.
+    stability = "unstable (3 roots right of the imaginary axis)"
+    assert str(other) == f"left out: a steady state at level = -1.5 m, with a lag of 1.23 s, {stability}, below the search limit 0 m"
+
+
+@pytest.mark.reference
+def test_what_is_left_out_says_its_stability(engine: DelaySystem) -> None:
+    """At 3 deg the thesis's engine rests at 4.74 rad/s, unstable with two roots."""
+    with pytest.raises(NoTrimError, match=r"engine_speed = 4\.743 rad/s, with a lag of 1\.16 s, unstable \(2 roots"):
+        find_trim(engine, inputs={"throttle": 3.0})
 
 
 def test_left_out_above_without_lag() -> None:

@@ -11,13 +11,16 @@ import numpy as np
 from revline.analysis.jacobians import evaluate, find_jacobians
 from revline.analysis.linearize import DRIFT_LIMIT, build_model, rate_unit, search_scale
 from revline.analysis.steady_equations import SteadyEquations, Target, solve_steady
-from revline.errors import InvalidInputError, NoTrimError
+from revline.errors import InvalidInputError, NoTrimError, RevlineError
 from revline.lti.roots import RightmostRoots, characteristic_roots
 from revline.system import DelaySystem, Floats, Variable, check_range, index_of
 from revline.values import make_read_only
 
 MOST_NAMED = 3
 """Steady states outside the search range that a message names; it counts the others."""
+
+LONGEST_JUDGED = 10.0
+"""A steady state outside the search range with a longer lag, in s, is not judged for stability: no machine runs there."""
 
 SWEEP, SWEEP_STARTS = 31, 8
 """Values of a free input, and starts at each, to tell how near a target can be reached."""
@@ -31,6 +34,7 @@ class LeftOut:
         quantity, value, unit: the state that lies outside.
         limit: the end of its search range that it passes.
         longest_lag: of all channels there, in s; 0 without channels.
+        stability: in words; empty where it was not found.
     """
 
     quantity: str
@@ -38,12 +42,14 @@ class LeftOut:
     unit: str
     limit: float
     longest_lag: float
+    stability: str = ""
 
     def __str__(self) -> str:
         """Name the steady state, for a warning."""
         side = "below" if self.value < self.limit else "above"
         lag = f", with a lag of {self.longest_lag:.3g} s" if self.longest_lag > 0.0 else ""
-        where = f"{self.quantity} = {self.value:.4g} {self.unit}{lag}"
+        stability = f", {self.stability}" if self.stability else ""
+        where = f"{self.quantity} = {self.value:.4g} {self.unit}{lag}{stability}"
         return f"left out: a steady state at {where}, {side} the search limit {self.limit:g} {self.unit}"
 
 
@@ -163,7 +169,7 @@ def find_trim(
     for unknowns in search.solutions:
         outside = _outside(equations, unknowns)
         if outside:
-            left_out.append(outside)
+            left_out.append(_judged(equations, unknowns, outside))
         else:
             candidates.append(_build(equations, unknowns))
     if not candidates:
@@ -224,6 +230,17 @@ def _outside(equations: SteadyEquations, unknowns: Floats) -> LeftOut | tuple[()
                 longest_lag=float(np.max(lags, initial=0.0)),
             )
     return ()
+
+
+def _judged(equations: SteadyEquations, unknowns: Floats, entry: LeftOut) -> LeftOut:
+    """Say whether a steady state outside the search range is stable, where that can be told without long work."""
+    if entry.longest_lag > LONGEST_JUDGED:
+        return entry
+    try:
+        count = _build(equations, unknowns).unstable_count
+    except RevlineError:
+        return entry
+    return replace(entry, stability=f"unstable ({count} roots right of the imaginary axis)" if count else "stable")
 
 
 def _build(equations: SteadyEquations, unknowns: Floats) -> Trim:
