@@ -136,6 +136,15 @@ def test_a_loop_that_needs_gain_has_a_lower_limit() -> None:
     assert found.gain_rise.gain_margin > 1.0
 
 
+def test_slow_integral_action_does_not_hide_its_crossover() -> None:
+    """L = 1e-6 P/s crosses 1 at 1.2e-5 rad/s, far below where the search begins."""
+    plant = TransferFunction(numerator=(12.0,), denominator=(1.0, 0.5), delay=0.02)
+    found = find_margins(open_loop_of_model(plant, pid(0.0, 1e-6)))
+    assert found.phase is not None
+    assert found.phase.frequency == pytest.approx(1.2e-5, rel=1e-6)
+    assert found.phase.phase_margin_deg == pytest.approx(90.0, abs=0.01)
+
+
 def test_an_ideal_derivative_on_one_lag_is_improper() -> None:
     plant = TransferFunction(numerator=(2.0,), denominator=(1.0, 1.0), delay=0.1)
     with pytest.raises(InvalidInputError, match=r"improper.*filter the derivative"):

@@ -70,6 +70,13 @@ def test_what_only_one_has_is_named(first: Path, tmp_path: Path) -> None:
     assert not found.same
 
 
+def test_entries_of_one_name_do_not_hide_one_another(tmp_path: Path) -> None:
+    twice = [{"controller": "c1", "plant": "engine", "value": value} for value in (1.0, 2.0)]
+    other = write(tmp_path / "third", {**copy.deepcopy(RECORD), "closed_loops": [{**twice[0], "value": 3.0}, twice[1]]})
+    found = compare_studies(changed(tmp_path, closed_loops=twice), other)
+    assert [d.path for d in found.differences] == ["closed_loops[c1, engine].value"]
+
+
 def test_a_truth_value_is_no_number(first: Path, tmp_path: Path) -> None:
     found = compare_studies(first, changed(tmp_path, operating_point={"speed_rad_s": 240.8, "stable": 1}))
     assert [d.path for d in found.differences] == ["operating_point.stable"]

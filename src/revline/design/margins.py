@@ -33,6 +33,9 @@ MOST_POINTS = 400_000
 FLOOR = 1e-3
 """Where the magnitude stays below this, crossings of the phase are not looked for: the gain may rise 1000 times."""
 
+LOWEST = 1e-12
+"""Lowest frequency to which the search is extended, in rad/s."""
+
 HIGHEST = 1e9
 """A loop that has not fallen below the floor at this frequency, in rad/s, does not fall."""
 
@@ -137,7 +140,7 @@ def find_margins(loop: OpenLoop, *, low: float = 1e-3) -> Margins:
 
     Args:
         loop: from `open_loop_of_model` or `open_loop_of_system`.
-        low: lowest frequency looked at, in rad/s; the loop should go like a power of s there.
+        low: lowest frequency looked at, in rad/s; lowered where the loop gain is below 1 there and still rises towards lower ones.
 
     Raises:
         InvalidInputError: the frequency is not above 0, or the loop is improper: its gain does not fall at high frequency.
@@ -145,6 +148,7 @@ def find_margins(loop: OpenLoop, *, low: float = 1e-3) -> Margins:
     """
     if not (math.isfinite(low) and low > 0.0):
         raise out_of_range("lowest frequency", low, "rad/s", "values above 0", "give one well below the loop's bandwidth")
+    low = _bottom(loop, low)
     grid, values = _grid(loop, low, _top(loop, low))
     crossovers = tuple(_gain_crossover(loop, w) for w in _roots(lambda w: abs(_at(loop, w)) - 1.0, grid, np.abs(values) - 1.0))
     turns = _roots(lambda w: float(_at(loop, w).imag), grid, values.imag)
@@ -169,6 +173,16 @@ def _values(loop: OpenLoop, omega: Floats) -> Complexes:
 
 def _at(loop: OpenLoop, omega: float) -> complex:
     return complex(_values(loop, np.array([omega]))[0])
+
+
+def _bottom(loop: OpenLoop, low: float) -> float:
+    """Lower a frequency until the loop gain is above 1 there, or falls no more towards it: slow integral action crosses 1 far below."""
+    while low > LOWEST:
+        here, below = abs(_at(loop, low)), abs(_at(loop, 0.1 * low))
+        if here > 1.0 or below < 2.0 * here:
+            break
+        low *= 0.1
+    return low
 
 
 def _top(loop: OpenLoop, low: float) -> float:

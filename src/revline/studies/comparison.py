@@ -110,9 +110,11 @@ def _leaves(value: Json, path: str) -> Iterator[tuple[str, Leaf]]:
             if key not in LEFT_OUT:
                 yield from _leaves(entry, f"{path}.{key}" if path else key)
     elif isinstance(value, list):
+        labels = [_label(entry, position) for position, entry in enumerate(value)]
         for position, entry in enumerate(value):
             rest = {key: part for key, part in entry.items() if key not in NAMING} if isinstance(entry, Mapping) else entry
-            yield from _leaves(rest, f"{path}[{_label(entry, position)}]")
+            earlier = labels[:position].count(labels[position])  # entries of one name are told apart, so that none hides another
+            yield from _leaves(rest, f"{path}[{labels[position]}{f' #{earlier + 1}' if earlier else ''}]")
     elif isinstance(value, bool | int | float | str):
         yield path, value
 
