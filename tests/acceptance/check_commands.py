@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """Try every command of revline as a user would, and check values, files, exit statuses and messages.
 
-Usage: check_commands.py [REVLINE] [--self-test]. REVLINE is the program, by default the `revline` beside this Python or on the path.
-Exits 0 when all hold, prints each line that falls short, then 'N passed, M failed'. With --self-test each answer is also altered on
+Usage: check_commands.py [REVLINE] [--self-test] [--only=FILE]. What is tried stands in commands/*.toml, taken in the order of their names;
+--only tries one of them, by its name without the ending. REVLINE is the program, by default the `revline` beside this Python or on the
+path. Exits 0 when all hold, prints each line that falls short, then 'N passed, M failed'. With --self-test each answer is also altered on
 purpose (a number moved, an exit status changed, a traceback added), and an altered answer that passes counts as a failure.
 Standard library only. Values: K. Lee, MSc thesis, University of Southern California, 1995, and converged computations.
 """
@@ -299,6 +300,22 @@ def check_help(checker: Checker, tried: frozenset[str]) -> None:
         checker.record(f"revline {name} --help", faults)
 
 
+def read_cases(folder: Path, only: str) -> dict[str, Any]:
+    """What the files of a folder ask for, in the order of their names; two files that name the same file to be made are a mistake."""
+    cases: dict[str, Any] = {"value": [], "refusal": [], "engines": {}, "files": {}}
+    for path in sorted(folder.glob(f"{only}.toml")):
+        for part, found in tomllib.loads(path.read_text()).items():
+            if isinstance(found, list):
+                cases[part] += found
+                continue
+            twice = cases[part].keys() & found.keys()
+            if twice:
+                message = f"{path.name} makes {sorted(twice)}, as a file before it does"
+                raise ValueError(message)
+            cases[part] |= found
+    return cases
+
+
 def read_values(cases: dict[str, Any]) -> list[Value]:
     """Commands that must succeed, in their order."""
     return [
@@ -341,18 +358,20 @@ def find_program(given: list[str]) -> list[str]:
 
 
 def main(arguments: list[str]) -> int:
-    program = find_program([argument for argument in arguments if argument != "--self-test"])
-    cases = tomllib.loads((HERE / "commands.toml").read_text())
+    program = find_program([argument for argument in arguments if not argument.startswith("--")])
+    only = next((argument.removeprefix("--only=") for argument in arguments if argument.startswith("--only=")), "*")
+    cases = read_cases(HERE / "commands", only)
     values, refusals = read_values(cases), read_refusals(cases)
     with tempfile.TemporaryDirectory(prefix="revline-") as name:
         checker = Checker(program, Path(name), self_test="--self-test" in arguments)
         engine = checker.run(("engines", "lee1995"))
         checker.record("revline engines lee1995", check_frame(engine, 0))
         prepare_files(checker.folder, cases, engine.out)
-        steps = [partial(check_help, checker, frozenset(value.arguments[0] for value in values))]
-        steps += [partial(checker.try_value, value) for value in values]
+        steps = [partial(checker.try_value, value) for value in values]
         steps += [partial(checker.try_refusal, case) for case in refusals]
-        steps += [partial(check_files, checker), partial(check_study_command, checker)]
+        if only == "*":
+            steps.insert(0, partial(check_help, checker, frozenset(value.arguments[0] for value in values)))
+            steps += [partial(check_files, checker), partial(check_study_command, checker)]
         for step in steps:
             try:
                 step()
