@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize.elementwise import find_minimum, find_root
 
 from revline.design.open_loop import OpenLoop
 from revline.errors import InvalidInputError, NotConvergedError, out_of_range
@@ -150,18 +150,21 @@ def find_margins(loop: OpenLoop, *, low: float = 1e-3) -> Margins:
         raise out_of_range("lowest frequency", low, "rad/s", "values above 0", "give one well below the loop's bandwidth")
     low = _bottom(loop, low)
     grid, values = _grid(loop, low, _top(loop, low))
-    crossovers = tuple(_gain_crossover(loop, w) for w in _roots(lambda w: abs(_at(loop, w)) - 1.0, grid, np.abs(values) - 1.0))
-    turns = _roots(lambda w: float(_at(loop, w).imag), grid, values.imag)
-    negative = [(w, _at(loop, w)) for w in turns]
+    unity = _roots(lambda w: np.abs(_values(loop, w)) - 1.0, grid, np.abs(values) - 1.0)
+    turns = _roots(lambda w: _values(loop, w).imag, grid, values.imag)
     return Margins(
         loop=loop.name,
         stable=loop.stable,
         unstable_poles=loop.unstable_poles,
-        gain_crossovers=crossovers,
-        phase_crossovers=tuple(PhaseCrossover(frequency=w, gain_margin=1.0 / abs(v)) for w, v in negative if v.real < 0.0),
-        sensitivity=_peak(lambda w: 1.0 / (1.0 + _values(loop, w)), grid),
-        complementary=_peak(lambda w: 1.0 - 1.0 / (1.0 + _values(loop, w)), grid),
-        disk=_peak(lambda w: 1.0 / (1.0 + _values(loop, w)) - 0.5, grid),
+        gain_crossovers=tuple(_gain_crossover(float(w), complex(v)) for w, v in zip(unity, _values(loop, unity), strict=True)),
+        phase_crossovers=tuple(
+            PhaseCrossover(frequency=float(w), gain_margin=1.0 / abs(complex(v)))
+            for w, v in zip(turns, _values(loop, turns), strict=True)
+            if v.real < 0.0
+        ),
+        sensitivity=_peak(loop, lambda v: 1.0 / (1.0 + v), grid, values),
+        complementary=_peak(loop, lambda v: 1.0 - 1.0 / (1.0 + v), grid, values),
+        disk=_peak(loop, lambda v: 1.0 / (1.0 + v) - 0.5, grid, values),
         searched=(float(grid[0]), float(grid[-1])),
         points=grid.size,
     )
@@ -223,28 +226,32 @@ def _grid(loop: OpenLoop, low: float, high: float) -> tuple[Floats, Complexes]:
         values = np.insert(values, places, _values(loop, middle))
 
 
-def _roots(function: Callable[[float], float], grid: Floats, values: Floats) -> list[float]:
-    """Roots of a real function between the points at which it changes its sign."""
+def _roots(function: Callable[[Floats], Floats], grid: Floats, values: Floats) -> Floats:
+    """Roots of a real function between the points at which it changes its sign, all at once: a long delay makes thousands."""
     changes = np.flatnonzero((values[1:] > 0.0) != (values[:-1] > 0.0))
-    return [float(brentq(function, grid[k], grid[k + 1], xtol=1e-300, rtol=1e-14)) for k in changes]
+    if not changes.size:
+        return np.array([])
+    return np.asarray(find_root(function, (grid[changes], grid[changes + 1])).x)
 
 
-def _gain_crossover(loop: OpenLoop, omega: float) -> GainCrossover:
-    above = math.atan2(-_at(loop, omega).imag, -_at(loop, omega).real)  # phase of -L: phase above -180 degrees
+def _gain_crossover(omega: float, value: complex) -> GainCrossover:
+    above = math.atan2(-value.imag, -value.real)  # phase of -L: phase above -180 degrees
     return GainCrossover(frequency=omega, phase_margin_deg=math.degrees(above), delay_margin=(above % (2.0 * math.pi)) / omega)
 
 
-def _peak(function: Callable[[Floats], Complexes], grid: Floats) -> Peak:
-    """Largest magnitude on the grid, improved between the neighbours of the largest points."""
-    sizes = np.abs(function(grid))
+def _peak(loop: OpenLoop, measure: Callable[[Complexes], Complexes], grid: Floats, values: Complexes) -> Peak:
+    """Largest magnitude of a measure of the loop on the grid, improved between the neighbours of the largest points."""
+    sizes = np.abs(measure(values))
     inner = np.flatnonzero((sizes[1:-1] >= sizes[:-2]) & (sizes[1:-1] >= sizes[2:])) + 1
     best = int(np.argmax(sizes))
     found = Peak(value=float(sizes[best]), frequency=float(grid[best]))
-    for k in inner[np.argsort(-sizes[inner])][:8]:
-        low, high = math.log(grid[k - 1]), math.log(grid[k + 1])
-        result = minimize_scalar(
-            lambda x: -abs(complex(function(np.array([math.exp(x)]))[0])), bounds=(low, high), method="bounded", options={"xatol": 1e-12}
-        )
-        if -float(result.fun) > found.value:
-            found = Peak(value=-float(result.fun), frequency=math.exp(float(result.x)))
+    if not inner.size:
+        return found
+    highest = inner[np.argsort(-sizes[inner])][:8]
+    logarithm = np.log(grid)
+    bracket = (logarithm[highest - 1], logarithm[highest], logarithm[highest + 1])
+    result = find_minimum(lambda x: -np.abs(measure(_values(loop, np.exp(x)))), bracket)
+    top = int(np.argmin(result.f_x))
+    if -float(result.f_x[top]) > found.value:
+        found = Peak(value=-float(result.f_x[top]), frequency=math.exp(float(result.x[top])))
     return found
