@@ -38,7 +38,7 @@ SAMPLES = 1000
 AGREEMENT = 1e-9
 """Largest relative error of our gain margins, and absolute one of our phase margins in degrees."""
 
-BUDGET = 40.0
+BUDGET = 50.0
 """Largest ratio of revline's time, peaks and stability verdict included, to that of python-control with a Pade fraction of order 4."""
 
 Complexes = NDArray[np.complex128]
