@@ -19,3 +19,4 @@ compile() {
 
 compile requirements/run.txt --extra report --group build
 compile requirements/dev.txt --extra report --group dev --constraint requirements/run.txt
+compile requirements/bench.txt --group bench --constraint requirements/dev.txt
