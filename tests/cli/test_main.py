@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 import revline as package
 from revline import __version__
-from revline.cli import COMMANDS, app, model_commands, run
+from revline.cli import COMMANDS, THREADS, app, main, model_commands, run
 from revline.cli.model_commands import DelayChoice, ObjectiveChoice, WeightChoice
 from revline.cli.response_command import MethodChoice
 from revline.design.fine_tuning import Objective
@@ -202,6 +202,15 @@ def test_run_leaves_the_process_alone() -> None:
     before = warnings.showwarning
     assert run(["--version"]) == 0
     assert warnings.showwarning is before
+
+
+def test_linear_algebra_has_one_thread_unless_the_user_says_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(THREADS[0], "3")
+    monkeypatch.delenv(THREADS[1], raising=False)
+    monkeypatch.setattr("sys.argv", ["revline", "--version"])
+    with pytest.raises(SystemExit):
+        main()
+    assert [os.environ[name] for name in THREADS] == ["3", "1"]
 
 
 @pytest.mark.filterwarnings("always::RuntimeWarning")

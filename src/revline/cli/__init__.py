@@ -34,6 +34,9 @@ FAILED = 1
 INTERRUPTED = 130
 """What the argument parser makes of an interruption."""
 
+THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Threads of the libraries behind numpy's linear algebra. revline's matrices are small, and more threads than one only wait for each other."""
+
 QUIET = frozenset({"--quiet", "-q"})
 """Either leaves out the warnings that Python's libraries give, as it does those of the commands."""
 
@@ -145,6 +148,8 @@ def _top(
 
 def main() -> None:
     """Run the command line with the process's arguments, and end the process."""
+    for name in THREADS:
+        os.environ.setdefault(name, "1")
     sys.exit(run(sys.argv[1:]))
 
 
