@@ -35,7 +35,7 @@ INTERRUPTED = 130
 """What the argument parser makes of an interruption."""
 
 THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Threads of the libraries behind numpy's linear algebra. revline's matrices are small, and more threads than one only wait for each other."""
+"""Threads of what numpy's linear algebra runs on. The matrices here are small: more threads than one only wait for each other."""
 
 QUIET = frozenset({"--quiet", "-q"})
 """Either leaves out the warnings that Python's libraries give, as it does those of the commands."""
