@@ -9,9 +9,10 @@ from hypothesis import strategies as st
 
 from revline.analysis.linearize import linearize
 from revline.analysis.trim import find_trim
-from revline.design import gain_region
+from revline.design import gain_curve
 from revline.design.controller import PidGains
-from revline.design.gain_region import GainRegion, LoopFamily, Window, find_gain_region, find_window
+from revline.design.gain_curve import LoopFamily
+from revline.design.gain_region import GainRegion, Window, find_gain_region, find_window
 from revline.design.loop_family import family_of_model, family_of_system
 from revline.design.loop_stability import count_unstable_poles
 from revline.design.open_loop import open_loop_of_system
@@ -168,10 +169,10 @@ def test_unfit_questions_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InvalidInputError, match="infinitely many roots of model"):
         family_of_model(TransferFunction(numerator=(2.0,), denominator=(1.0, 1.0), delay=0.1), kd=0.9)
     improper = LoopFamily(
-        name="lead", inverse=lambda w: np.asarray(0.5 + 0.5j * w, dtype=np.complex128), at_rest=0.5, kd=-0.5, base=0.0, unstable=0
+        name="lead", inverse=lambda s: np.asarray(0.5 + 0.5 * s, dtype=np.complex128), at_rest=0.5, kd=-0.5, base=0.0, unstable=0
     )
     with pytest.raises(InvalidInputError, match=r"lead with kd = -0\.5 answers at any frequency"):
         find_gain_region(improper, window)
-    monkeypatch.setattr(gain_region, "MOST_POINTS", 10)
+    monkeypatch.setattr(gain_curve, "MOST_POINTS", 10)
     with pytest.raises(NotConvergedError, match="turns too fast near"):
         find_gain_region(family_of_model(G2D), window)

@@ -12,7 +12,8 @@ from revline.errors import InvalidInputError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from revline.design.gain_region import GainRegion, LoopFamily, Window
+    from revline.design.gain_curve import LoopFamily
+    from revline.design.gain_region import GainRegion, Window
 
 
 def region(

@@ -1,0 +1,226 @@
+"""The gains (kp, ki) that put a root of a loop on a given line of the complex plane, its delay exact.
+
+With q = 1/P and G = q + kd s, the loop has a root at s where G(s) + kp + ki/s = 0. Both gains are real, so that each s above the real axis
+gives one pair of them: ki = Im G |s|^2/Im s and kp = -Re G - ki Re s/|s|^2. On the imaginary axis the pairs bound stability; on a line
+left of it they bound a damping.
+
+Source: Neimark's D-decomposition, as Gryazina and Polyak (2006), Automatica 42(1), 13-26, have it.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from revline.errors import InvalidInputError, NotConvergedError, out_of_range
+from revline.units import PerSecond, RadiansPerSecond
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+Inverse = Callable[[Complexes], Complexes]
+
+PHASE_STEP = 0.02
+"""Largest change of the phase of q between neighbours on the curve, in rad."""
+
+SIZE_STEP = 0.02
+"""Largest change of the logarithm of its magnitude."""
+
+MOST_POINTS = 20_000
+"""Most points of the curve."""
+
+HIGHEST = 1e9
+"""No loop is followed beyond this frequency, in rad/s."""
+
+PER_DECADE = 100
+"""Frequencies looked at in each decade for where the curve leaves the gains of interest; the plant's own are added to them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contour:
+    """A line from the origin into the upper half plane: a ray of one damping ratio, from some natural frequency on straight upwards.
+
+    Roots to its left are damped at least as `damping` says, or decay at least as fast as a root of that damping and of natural frequency
+    `up_to`. With damping 0 it is the imaginary axis. A delay leaves infinitely many roots whose damping ratio goes to 0 while their decay
+    grows, so that a ray without end bounds nothing for it.
+
+    Attributes:
+        damping: ratio, 0 and above, below 1.
+        up_to: natural frequency at which the ray ends, in rad/s; infinite for a ray without end.
+    """
+
+    damping: float = 0.0
+    up_to: RadiansPerSecond = math.inf
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.damping < 1.0:
+            raise out_of_range("damping", self.damping, "", "0 and above, below 1", "give a ratio such as 0.1")
+        if not self.up_to > 0.0:
+            raise out_of_range("natural frequency", self.up_to, "rad/s", "values above 0", "give the highest that must be damped")
+
+    @property
+    def decay(self) -> PerSecond:
+        """Decay rate of the part that goes straight upwards, in 1/s."""
+        return 0.0 if self.damping == 0.0 else self.damping * self.up_to
+
+    @property
+    def corner(self) -> RadiansPerSecond:
+        """Imaginary part where the ray ends, in rad/s."""
+        return self.up_to * math.sqrt(1.0 - self.damping**2)
+
+    def points(self, omega: Floats) -> Complexes:
+        """Points of the line at imaginary parts in rad/s."""
+        if self.damping == 0.0:
+            return np.asarray(1j * omega)
+        slope = self.damping / math.sqrt(1.0 - self.damping**2)
+        return np.asarray(-slope * np.minimum(omega, self.corner) + 1j * omega)
+
+    def is_right(self, s: Complexes) -> NDArray[np.bool_]:
+        """Whether points lie right of the line or of its mirror image; real points do where they are positive."""
+        height = np.abs(s.imag)
+        return np.asarray(s.real > self.points(height).real)
+
+
+AXIS = Contour()
+"""The imaginary axis."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LoopFamily:
+    """A plant under all PI controllers with one derivative gain.
+
+    Attributes:
+        name: of the plant.
+        inverse: q = 1/P at complex s in rad/s, of shape (n,).
+        at_rest: q(0), real; 0 for a plant that integrates.
+        kd: derivative gain.
+        base: a kp at which the roots were counted, ki being 0.
+        unstable: how many lie right of the contour there.
+        gain_unit: of kp.
+        contour: the line that roots are counted right of.
+        landmarks: frequencies at which the plant's own roots and zeros may turn q within little, in rad/s.
+    """
+
+    name: str
+    inverse: Inverse
+    at_rest: float
+    kd: float
+    base: float
+    unstable: int
+    gain_unit: str = ""
+    contour: Contour = AXIS
+    landmarks: tuple[float, ...] = ()
+
+
+class GainCurve(NamedTuple):
+    """Gains at which a root lies on the contour: imaginary part (n,) in rad/s, strictly rising, kp (n,) and ki (n,)."""
+
+    omega: Floats
+    kp: Floats
+    ki: Floats
+
+
+def gains_at(family: LoopFamily, omega: Floats) -> tuple[Floats, Floats]:
+    """Find the gains that put a root on the contour at imaginary parts in rad/s.
+
+    Args:
+        family: plant, kd and contour.
+        omega: shape (n,), above 0.
+
+    Returns:
+        kp and ki, shape (n,).
+    """
+    s = family.contour.points(omega)
+    return _gains(family, s, family.inverse(s))
+
+
+def _gains(family: LoopFamily, s: Complexes, q: Complexes) -> tuple[Floats, Floats]:
+    held = q + family.kd * s
+    over = held.imag / s.imag
+    return np.asarray(-held.real - over * s.real), np.asarray(over * np.abs(s) ** 2)
+
+
+def trace_curve(family: LoopFamily, *, kp_reach: float, ki_reach: float, low: float) -> GainCurve:
+    """Trace the curve from a low frequency to where it has left the gains of interest for good.
+
+    Args:
+        family: plant, kd and contour.
+        kp_reach: largest magnitude of kp of interest.
+        ki_reach: largest ki of interest.
+        low: lowest imaginary part, in rad/s; below it the curve is taken to run straight to (-q(0), 0).
+
+    Raises:
+        InvalidInputError: the plant does not fall at high frequency faster than the derivative rises.
+        NotConvergedError: the curve turns too fast to be followed.
+    """
+    high = _top(family, kp_reach, ki_reach, low)
+    omega, q = _grid(family, low, high)
+    omega, q = _with_axis_points(family, omega, q)
+    kp, ki = _gains(family, family.contour.points(omega), q)
+    return GainCurve(omega, kp, ki)
+
+
+def _with_landmarks(family: LoopFamily, grid: Floats) -> Floats:
+    marks = [mark for mark in (*family.landmarks, family.contour.corner) if grid[0] < mark < grid[-1]]
+    return np.unique(np.concatenate((grid, marks)))
+
+
+def _top(family: LoopFamily, kp: float, ki: float, low: float) -> float:
+    """A frequency beyond which no root can lie on the contour for any gains of interest: |q + kd s| > |kp| + ki/|s| there."""
+    grid = _with_landmarks(family, np.geomspace(low, HIGHEST, round(PER_DECADE * math.log10(HIGHEST / low))))
+    s = family.contour.points(grid)
+    with np.errstate(over="ignore", invalid="ignore"):
+        free = np.abs(family.inverse(s) + s * family.kd) > 1.05 * (kp + ki / np.abs(s))
+    held = np.flatnonzero(~free)
+    if held.size and held[-1] == grid.size - 1:
+        message = (
+            f"{family.name} with kd = {family.kd:g} answers at any frequency: the loop is improper, or its derivative as strong as the "
+            "plant is fast; lower kd, or filter it"
+        )
+        raise InvalidInputError(message, kd=family.kd)
+    return float(grid[held[-1] + 1]) if held.size else float(grid[1])
+
+
+def _grid(family: LoopFamily, low: float, high: float) -> tuple[Floats, Complexes]:
+    grid = _with_landmarks(family, np.geomspace(low, high, 200))
+    values = family.inverse(family.contour.points(grid))
+    while True:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = values[1:] / values[:-1]
+            turned, grown = np.abs(np.angle(ratio)), np.abs(np.log(np.abs(ratio)))
+            pieces = np.ceil(np.maximum(turned / PHASE_STEP, grown / SIZE_STEP))
+        coarse = ~(pieces <= 1.0)
+        if not np.any(coarse):
+            return grid, values
+        if grid.size > MOST_POINTS:
+            where = float(grid[1:][coarse][0])
+            message = f"1/P of {family.name} turns too fast near {where:g} rad/s to be followed with {MOST_POINTS} points"
+            raise NotConvergedError(message, frequency=where)
+        parts = np.where(np.isfinite(pieces), np.clip(pieces, 1.0, 8.0), 8.0).astype(int)
+        starts = np.repeat(grid[:-1], parts - 1)
+        ratios = np.repeat(grid[1:] / grid[:-1], parts - 1)
+        share = np.concatenate([np.arange(1, n) / n for n in parts[parts > 1]])
+        between = starts * ratios**share
+        added = family.inverse(family.contour.points(between))
+        places = np.searchsorted(grid, between)
+        grid, values = np.insert(grid, places, between), np.insert(values, places, added)
+
+
+def _with_axis_points(family: LoopFamily, omega: Floats, q: Complexes) -> tuple[Floats, Complexes]:
+    """Add the frequencies at which the curve crosses ki = 0, found exactly."""
+
+    def height(w: float) -> float:
+        s = family.contour.points(np.array([w]))
+        return float((family.inverse(s) + family.kd * s).imag[0])
+
+    slope = (q + family.kd * family.contour.points(omega)).imag
+    at = np.flatnonzero((slope[1:] > 0.0) != (slope[:-1] > 0.0))
+    roots = np.array([float(brentq(height, omega[k], omega[k + 1], xtol=1e-300, rtol=1e-14)) for k in at])
+    new = ~np.isin(roots, omega)
+    if not np.any(new):
+        return omega, q
+    places = at[new] + 1
+    return np.insert(omega, places, roots[new]), np.insert(q, places, family.inverse(family.contour.points(roots[new])))
