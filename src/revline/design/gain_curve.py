@@ -35,6 +35,12 @@ MOST_POINTS = 20_000
 HIGHEST = 1e9
 """No loop is followed beyond this frequency, in rad/s."""
 
+LOWEST = 1e-9
+"""Lowest frequency that a curve is begun at, in rad/s."""
+
+AT_REST = 0.05
+"""How far q may be from its value at rest where a curve begins, as a fraction."""
+
 PER_DECADE = 100
 """Frequencies looked at in each decade for where the curve leaves the gains of interest; the plant's own are added to them."""
 
@@ -150,12 +156,14 @@ def trace_curve(family: LoopFamily, *, kp_reach: float, ki_reach: float, low: fl
         family: plant, kd and contour.
         kp_reach: largest magnitude of kp of interest.
         ki_reach: largest ki of interest.
-        low: lowest imaginary part, in rad/s; below it the curve is taken to run straight to (-q(0), 0).
+        low: lowest imaginary part, in rad/s, lowered until q is there what it is at rest; below it the curve is taken to run straight to
+            (-q(0), 0).
 
     Raises:
         InvalidInputError: the plant does not fall at high frequency faster than the derivative rises.
         NotConvergedError: the curve turns too fast to be followed.
     """
+    low = _bottom(family, low)
     high = _top(family, kp_reach, ki_reach, low)
     omega, q = _grid(family, low, high)
     omega, q = _with_axis_points(family, omega, q)
@@ -166,6 +174,17 @@ def trace_curve(family: LoopFamily, *, kp_reach: float, ki_reach: float, low: fl
 def _with_landmarks(family: LoopFamily, grid: Floats) -> Floats:
     marks = [mark for mark in (*family.landmarks, family.contour.corner) if grid[0] < mark < grid[-1]]
     return np.unique(np.concatenate((grid, marks)))
+
+
+def _bottom(family: LoopFamily, low: float) -> float:
+    """Lower a frequency until q is near its value at rest there, or proportional to s for a plant that integrates."""
+    while low > LOWEST:
+        here, below = (complex(value) for value in family.inverse(family.contour.points(np.array([low, 0.1 * low]))))
+        wanted = family.at_rest or 10.0 * below
+        if abs(here - wanted) < AT_REST * abs(wanted):
+            break
+        low *= 0.1
+    return low
 
 
 def _top(family: LoopFamily, kp: float, ki: float, low: float) -> float:
@@ -218,9 +237,23 @@ def _with_axis_points(family: LoopFamily, omega: Floats, q: Complexes) -> tuple[
 
     slope = (q + family.kd * family.contour.points(omega)).imag
     at = np.flatnonzero((slope[1:] > 0.0) != (slope[:-1] > 0.0))
-    roots = np.array([float(brentq(height, omega[k], omega[k + 1], xtol=1e-300, rtol=1e-14)) for k in at])
+    roots = np.array([find_root(height, float(omega[k]), float(omega[k + 1])) for k in at])
     new = ~np.isin(roots, omega)
     if not np.any(new):
         return omega, q
     places = at[new] + 1
     return np.insert(omega, places, roots[new]), np.insert(q, places, family.inverse(family.contour.points(roots[new])))
+
+
+def find_root(function: Callable[[float], float], low: float, high: float) -> float:
+    """Find where a function changes its sign, or the end at which it is smaller where rounding has taken the change away.
+
+    Args:
+        function: of a frequency.
+        low: lower end.
+        high: upper end.
+    """
+    at_low, at_high = function(low), function(high)
+    if (at_low > 0.0) == (at_high > 0.0):
+        return low if abs(at_low) < abs(at_high) else high
+    return float(brentq(function, low, high, xtol=1e-300, rtol=1e-14))

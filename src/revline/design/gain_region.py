@@ -90,7 +90,7 @@ class GainRegion:
         p, i = np.broadcast_arrays(np.asarray(kp, dtype=float), np.asarray(ki, dtype=float))
         if np.any(i < 0.0):
             raise out_of_range("ki", float(np.min(i)), "", "0 and above", "turn the sign of the plant's gain, or of the controller's")
-        return _count(self.family, self.curve, p.ravel(), i.ravel()).reshape(p.shape)
+        return count_roots(self.family, self.curve, p.ravel(), i.ravel()).reshape(p.shape)
 
     def stabilises(self, kp: ArrayLike, ki: ArrayLike) -> NDArray[np.bool_]:
         """Whether gains leave no root right of the contour; with ki = 0 the controller is taken to have no integrator."""
@@ -187,12 +187,19 @@ def _axis_crossings(curve: GainCurve) -> tuple[Floats, Counts]:
     return kp[at] + share * (kp[at + 1] - kp[at]), np.where(rising, -2, 2)
 
 
-def _count(family: LoopFamily, curve: GainCurve, p: Floats, i: Floats) -> Counts:
-    """Roots to the right: from the base along ki = 0 to kp, then up to ki."""
+def count_roots(family: LoopFamily, curve: GainCurve, p: Floats, i: Floats) -> Counts:
+    """Count the roots right of a family's contour: from the base along ki = 0 to kp, then up to ki.
+
+    Args:
+        family: plant, kd and contour.
+        curve: of the family.
+        p: values of kp, shape (n,).
+        i: values of ki, shape (n,), 0 and above.
+    """
     count = np.full(p.size, family.unstable)
     for place, change in zip(*_axis_crossings(curve), strict=True):
         count += change * _passed(family.base, p, float(place))
-    count += _turn_at_rest(family) * _passed(family.base, p, -family.at_rest)
+    count += turn_at_rest(family) * _passed(family.base, p, -family.at_rest)
     count += ((i > 0.0) & (family.at_rest + p < 0.0)).astype(int)  # the integrator's own root, s = -ki/(q(0) + kp) at first
     points, height, change = _crossings(curve, p)
     below = (height > 0.0) & (height < i[points])
@@ -218,7 +225,7 @@ def _crossings(curve: GainCurve, p: Floats) -> tuple[NDArray[np.intp], Floats, C
 def _heights(region: GainRegion, at: Floats) -> Floats:
     """Length of the lines of constant kp within a region and its window."""
     top = region.window.ki_high
-    count = _count(region.family, region.curve, at, np.full(at.size, np.finfo(float).tiny))
+    count = count_roots(region.family, region.curve, at, np.full(at.size, np.finfo(float).tiny))
     points, height, change = _crossings(region.curve, at)
     kept = (height > 0.0) & (height < top)
     points, height, change = points[kept], height[kept], change[kept]
@@ -238,8 +245,8 @@ def _passed(base: float, p: Floats, place: float) -> Counts:
     return ((base <= place) & (p > place)).astype(int) - ((base > place) & (p <= place)).astype(int)
 
 
-def _turn_at_rest(family: LoopFamily) -> int:
-    """Change of the count where kp rises through -q(0) and a real root passes the origin: s = -(kp + q(0))/q'(0)."""
+def turn_at_rest(family: LoopFamily) -> int:
+    """Tell by how much the count changes where kp rises through -q(0) and a real root passes the origin: s = -(kp + q(0))/q'(0)."""
     tiny = 1e-6
     slope = float((family.inverse(np.array([1j * tiny])).imag / tiny)[0]) + family.kd
     return 1 if slope < 0.0 else -1
@@ -253,6 +260,6 @@ def _rim(family: LoopFamily, curve: GainCurve, window: Window) -> NDArray[np.boo
     at = np.flatnonzero(inside)
     step = 1e-3 * (np.abs(ki[at]) + 1e-3 * window.ki_high)
     both = np.concatenate((np.maximum(ki[at] - step, 0.0), ki[at] + step))
-    counts = _count(family, curve, np.tile(kp[at], 2), both).reshape(2, -1)
+    counts = count_roots(family, curve, np.tile(kp[at], 2), both).reshape(2, -1)
     rim[at] = np.any(counts == 0, axis=0)
     return rim
