@@ -65,6 +65,7 @@ class GainRegion:
         window: what was looked at.
         omega, kp, ki: the curve of gains at which a root of imaginary part omega lies on the contour, by rising omega, shape (n,).
         rim: for each point of the curve, whether it bounds the region, shape (n,).
+        reach: largest magnitude of kp and largest ki for which the curve is complete, at least those of the window.
     """
 
     family: LoopFamily
@@ -73,6 +74,7 @@ class GainRegion:
     kp: Floats
     ki: Floats
     rim: NDArray[np.bool_]
+    reach: tuple[float, float]
 
     def __post_init__(self) -> None:
         make_read_only(self)
@@ -90,6 +92,9 @@ class GainRegion:
         p, i = np.broadcast_arrays(np.asarray(kp, dtype=float), np.asarray(ki, dtype=float))
         if np.any(i < 0.0):
             raise out_of_range("ki", float(np.min(i)), "", "0 and above", "turn the sign of the plant's gain, or of the controller's")
+        for name, value, limit in (("magnitude of kp", np.abs(p), self.reach[0]), ("ki", i, self.reach[1])):
+            if not np.all(value <= limit):
+                raise out_of_range(name, float(np.max(value)), "", f"0 to {limit:g}", "find the region in a window that holds these gains")
         return count_roots(self.family, self.curve, p.ravel(), i.ravel()).reshape(p.shape)
 
     def stabilises(self, kp: ArrayLike, ki: ArrayLike) -> NDArray[np.bool_]:
@@ -144,7 +149,8 @@ def find_gain_region(family: LoopFamily, window: Window | None = None, *, low: f
     if window is None:
         return _in_chosen_window(family, low)
     reach = max(abs(window.kp_low), abs(window.kp_high))
-    return _in_window(family, window, trace_curve(family, kp_reach=reach, ki_reach=window.ki_high, low=low))
+    curve = trace_curve(family, kp_reach=reach, ki_reach=window.ki_high, low=low)
+    return _in_window(family, window, curve, (reach, window.ki_high))
 
 
 def find_window(family: LoopFamily) -> Window:
@@ -157,8 +163,8 @@ def _in_chosen_window(family: LoopFamily, low: float) -> GainRegion:
     reach = 100.0 * max(float(sizes[0]), 0.1 * float(sizes[1]))
     widest = Window(kp_low=-0.5 * reach, kp_high=reach, ki_high=100.0 * reach)
     curve = trace_curve(family, kp_reach=reach, ki_reach=widest.ki_high, low=low)
-    found = _in_window(family, widest, curve)
-    return _in_window(family, _narrowed(found, reach), curve)
+    found = _in_window(family, widest, curve, (reach, widest.ki_high))
+    return _in_window(family, _narrowed(found, reach), curve, found.reach)
 
 
 def _narrowed(found: GainRegion, reach: float) -> Window:
@@ -173,8 +179,9 @@ def _narrowed(found: GainRegion, reach: float) -> Window:
     return Window(kp_low=float(np.min(gains)) - room, kp_high=float(np.max(gains)) + room, ki_high=1.1 * tallest)
 
 
-def _in_window(family: LoopFamily, window: Window, curve: GainCurve) -> GainRegion:
-    return GainRegion(family=family, window=window, omega=curve.omega, kp=curve.kp, ki=curve.ki, rim=_rim(family, curve, window))
+def _in_window(family: LoopFamily, window: Window, curve: GainCurve, reach: tuple[float, float]) -> GainRegion:
+    rim = _rim(family, curve, window)
+    return GainRegion(family=family, window=window, omega=curve.omega, kp=curve.kp, ki=curve.ki, rim=rim, reach=reach)
 
 
 def _axis_crossings(curve: GainCurve) -> tuple[Floats, Counts]:
@@ -253,13 +260,15 @@ def turn_at_rest(family: LoopFamily) -> int:
 
 
 def _rim(family: LoopFamily, curve: GainCurve, window: Window) -> NDArray[np.bool_]:
-    """Whether points of the curve bound the region: on one side of them no root lies to the right."""
+    """Whether points of the curve bound the region: on one side of them, up, down or aside, no root lies to the right."""
     omega, kp, ki = curve
     inside = (kp >= window.kp_low) & (kp <= window.kp_high) & (ki > 0.0) & (ki <= window.ki_high)
     rim = np.zeros(omega.size, dtype=bool)
     at = np.flatnonzero(inside)
-    step = 1e-3 * (np.abs(ki[at]) + 1e-3 * window.ki_high)
-    both = np.concatenate((np.maximum(ki[at] - step, 0.0), ki[at] + step))
-    counts = count_roots(family, curve, np.tile(kp[at], 2), both).reshape(2, -1)
+    up = 1e-3 * (np.abs(ki[at]) + 1e-3 * window.ki_high)
+    aside = 1e-3 * (np.abs(kp[at]) + 1e-3 * (window.kp_high - window.kp_low))
+    p = np.concatenate((kp[at], kp[at], kp[at] - aside, kp[at] + aside))
+    i = np.concatenate((np.maximum(ki[at] - up, 0.0), ki[at] + up, ki[at], ki[at]))
+    counts = count_roots(family, curve, p, i).reshape(4, -1)
     rim[at] = np.any(counts == 0, axis=0)
     return rim

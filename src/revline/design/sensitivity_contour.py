@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from revline.design.gain_curve import AXIS, LoopFamily
+from revline.design.gain_curve import AXIS, HIGHEST, LoopFamily
 from revline.design.gain_region import GainRegion, Window
 from revline.errors import InvalidInputError, out_of_range
 from revline.values import make_read_only
@@ -169,14 +169,14 @@ def find_peaks(region: GainRegion, kp: ArrayLike, ki: ArrayLike) -> Floats:
     p, i = (np.ravel(array) for array in np.broadcast_arrays(np.asarray(kp, dtype=float), np.asarray(ki, dtype=float)))
     if not p.size:
         return np.empty(np.broadcast_shapes(np.shape(kp), np.shape(ki)))
-    grid = region.omega
-    values = _sensitivity(region.family, grid[:, None], region.family.inverse(1j * grid)[:, None], p, i)
+    grid = np.append(region.omega, HIGHEST)  # where |1/(1 + L)| tends to 1, which may be the peak
+    values = _sensitivity(region.family, grid[:, None], region.family.inverse(AXIS.points(grid))[:, None], p, i)
     at = np.argmax(values, axis=0)
     best = values[at, np.arange(p.size)]
     low, high = grid[np.maximum(at - 1, 0)], grid[np.minimum(at + 1, grid.size - 1)]
     for _ in range(ZOOMS):
         between = low + (high - low) * np.linspace(0.0, 1.0, DIVISIONS)[:, None]
-        q = region.family.inverse(1j * between.ravel()).reshape(between.shape)
+        q = region.family.inverse(AXIS.points(between.ravel())).reshape(between.shape)
         values = _sensitivity(region.family, between, q, p, i)
         at, columns = np.argmax(values, axis=0), np.arange(p.size)
         best = np.maximum(best, values[at, columns])
@@ -221,9 +221,9 @@ def _envelope(family: LoopFamily, peak: float, omega: Floats) -> tuple[Floats, F
 def _ellipses(family: LoopFamily, peak: float, omega: Floats) -> _Local:
     turns = np.exp(2j * np.pi * np.arange(NODES) / NODES)
     radius = RADIUS * omega
-    around = 1j * omega[:, None] + radius[:, None] * turns
+    around = np.asarray(1j * omega[:, None] + radius[:, None] * turns, dtype=np.complex128)
     q = family.inverse(around.ravel()).reshape(around.shape)
-    middle = family.inverse(1j * omega)
+    middle = family.inverse(AXIS.points(omega))
     slope = 1j * (q @ turns.conj()) / (NODES * radius)
     size = np.abs(middle)
     grow = (middle.conj() * slope).real / size
