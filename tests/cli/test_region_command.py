@@ -17,7 +17,7 @@ def test_the_engines_region(revline: Command, tmp_path: Path) -> None:
     ((low, high),) = record["kp_intervals_without_integral"]
     assert (low, high) == pytest.approx((-0.0831, 2.106), abs=5e-4)
     assert len(record["boundary"]) > 100
-    assert all(point["ki"] > 0.0 for point in record["boundary"])
+    assert all(point["ki"] >= 0.0 for point in record["boundary"])
     assert record["kp_unit"] == "deg/(rad/s)"
 
 

@@ -234,5 +234,5 @@ def _largest_words(record: dict[str, object]) -> list[str]:
     if not isinstance(found, dict):
         return []
     if "lost" in found:
-        return [f"largest kd at which some gains stabilise: {found['stabilised']:.5g} {found['unit']}"]
+        return [f"largest kd at which some gains stabilise: {found['stabilised']:.5g} {found['unit']} (beyond: {found['reason']})"]
     return [f"some gains stabilise at every kd tried, up to {found['stabilised']:.4g} {found['unit']}"]

@@ -29,6 +29,9 @@ PHASE_STEP = 0.02
 SIZE_STEP = 0.02
 """Largest change of the logarithm of its magnitude."""
 
+PLANE_STEP = 0.02
+"""Largest distance of neighbours in a window of gains, as a part of its size."""
+
 MOST_POINTS = 20_000
 """Most points of the curve."""
 
@@ -166,9 +169,39 @@ def trace_curve(family: LoopFamily, *, kp_reach: float, ki_reach: float, low: fl
     low = _bottom(family, low)
     high = _top(family, kp_reach, ki_reach, low)
     omega, q = _grid(family, low, high)
-    omega, q = _with_axis_points(family, omega, q)
+    omega, q, on_axis = _with_axis_points(family, omega, q)
     kp, ki = _gains(family, family.contour.points(omega), q)
+    ki[on_axis] = 0.0
     return GainCurve(omega, kp, ki)
+
+
+def refine_curve(family: LoopFamily, curve: GainCurve, *, kp: tuple[float, float], ki: float) -> GainCurve:
+    """Add points where neighbours lie far apart in a window of gains, by `PLANE_STEP` of its size.
+
+    Args:
+        family: plant, kd and contour.
+        curve: of the family.
+        kp: lowest and highest kp of the window.
+        ki: its highest ki; the lowest is 0.
+    """
+    omega, width = curve.omega, kp[1] - kp[0]
+    inside = (curve.kp >= kp[0] - 0.1 * width) & (curve.kp <= kp[1] + 0.1 * width) & (curve.ki >= -0.1 * ki) & (curve.ki <= 1.1 * ki)
+    steps = np.hypot(np.diff(curve.kp) / width, np.diff(curve.ki) / ki)
+    parts = np.where(inside[:-1] | inside[1:], np.clip(np.ceil(steps / PLANE_STEP), 1.0, 50.0), 1.0).astype(int)
+    if not np.any(parts > 1):
+        return curve
+    between = _divided(omega, parts)
+    places = np.searchsorted(omega, between)
+    new_kp, new_ki = gains_at(family, between)
+    return GainCurve(np.insert(omega, places, between), np.insert(curve.kp, places, new_kp), np.insert(curve.ki, places, new_ki))
+
+
+def _divided(grid: Floats, parts: NDArray[np.int64]) -> Floats:
+    """Points that divide each interval of a grid geometrically into a number of parts."""
+    starts = np.repeat(grid[:-1], parts - 1)
+    ratios = np.repeat(grid[1:] / grid[:-1], parts - 1)
+    share = np.concatenate([np.arange(1, n) / n for n in parts[parts > 1]])
+    return np.asarray(starts * ratios**share)
 
 
 def _with_landmarks(family: LoopFamily, grid: Floats) -> Floats:
@@ -219,17 +252,14 @@ def _grid(family: LoopFamily, low: float, high: float) -> tuple[Floats, Complexe
             message = f"1/P of {family.name} turns too fast near {where:g} rad/s to be followed with {MOST_POINTS} points"
             raise NotConvergedError(message, frequency=where)
         parts = np.where(np.isfinite(pieces), np.clip(pieces, 1.0, 8.0), 8.0).astype(int)
-        starts = np.repeat(grid[:-1], parts - 1)
-        ratios = np.repeat(grid[1:] / grid[:-1], parts - 1)
-        share = np.concatenate([np.arange(1, n) / n for n in parts[parts > 1]])
-        between = starts * ratios**share
+        between = _divided(grid, parts)
         added = family.inverse(family.contour.points(between))
         places = np.searchsorted(grid, between)
         grid, values = np.insert(grid, places, between), np.insert(values, places, added)
 
 
-def _with_axis_points(family: LoopFamily, omega: Floats, q: Complexes) -> tuple[Floats, Complexes]:
-    """Add the frequencies at which the curve crosses ki = 0, found exactly."""
+def _with_axis_points(family: LoopFamily, omega: Floats, q: Complexes) -> tuple[Floats, Complexes, NDArray[np.intp]]:
+    """Add the frequencies at which the curve crosses ki = 0, found exactly, and tell where they stand."""
 
     def height(w: float) -> float:
         s = family.contour.points(np.array([w]))
@@ -239,10 +269,11 @@ def _with_axis_points(family: LoopFamily, omega: Floats, q: Complexes) -> tuple[
     at = np.flatnonzero((slope[1:] > 0.0) != (slope[:-1] > 0.0))
     roots = np.array([find_root(height, float(omega[k]), float(omega[k + 1])) for k in at])
     new = ~np.isin(roots, omega)
-    if not np.any(new):
-        return omega, q
-    places = at[new] + 1
-    return np.insert(omega, places, roots[new]), np.insert(q, places, family.inverse(family.contour.points(roots[new])))
+    if np.any(new):
+        places = at[new] + 1
+        omega = np.insert(omega, places, roots[new])
+        q = np.insert(q, places, family.inverse(family.contour.points(roots[new])))
+    return omega, q, np.searchsorted(omega, roots)
 
 
 def find_root(function: Callable[[float], float], low: float, high: float) -> float:

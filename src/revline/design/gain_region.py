@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from revline.design.gain_curve import GainCurve, LoopFamily, trace_curve
+from revline.design.gain_curve import GainCurve, LoopFamily, refine_curve, trace_curve
 from revline.errors import out_of_range
 from revline.values import make_read_only
 
@@ -163,7 +163,8 @@ def _in_chosen_window(family: LoopFamily, low: float) -> GainRegion:
     reach = 100.0 * max(float(sizes[0]), 0.1 * float(sizes[1]))
     widest = Window(kp_low=-0.5 * reach, kp_high=reach, ki_high=100.0 * reach)
     curve = trace_curve(family, kp_reach=reach, ki_reach=widest.ki_high, low=low)
-    found = _in_window(family, widest, curve, (reach, widest.ki_high))
+    rim = _rim(family, curve, widest)
+    found = GainRegion(family=family, window=widest, omega=curve.omega, kp=curve.kp, ki=curve.ki, rim=rim, reach=(reach, widest.ki_high))
     return _in_window(family, _narrowed(found, reach), curve, found.reach)
 
 
@@ -180,6 +181,7 @@ def _narrowed(found: GainRegion, reach: float) -> Window:
 
 
 def _in_window(family: LoopFamily, window: Window, curve: GainCurve, reach: tuple[float, float]) -> GainRegion:
+    curve = refine_curve(family, curve, kp=(window.kp_low, window.kp_high), ki=window.ki_high)
     rim = _rim(family, curve, window)
     return GainRegion(family=family, window=window, omega=curve.omega, kp=curve.kp, ki=curve.ki, rim=rim, reach=reach)
 
@@ -262,7 +264,7 @@ def turn_at_rest(family: LoopFamily) -> int:
 def _rim(family: LoopFamily, curve: GainCurve, window: Window) -> NDArray[np.bool_]:
     """Whether points of the curve bound the region: on one side of them, up, down or aside, no root lies to the right."""
     omega, kp, ki = curve
-    inside = (kp >= window.kp_low) & (kp <= window.kp_high) & (ki > 0.0) & (ki <= window.ki_high)
+    inside = (kp >= window.kp_low) & (kp <= window.kp_high) & (ki >= 0.0) & (ki <= window.ki_high)
     rim = np.zeros(omega.size, dtype=bool)
     at = np.flatnonzero(inside)
     up = 1e-3 * (np.abs(ki[at]) + 1e-3 * window.ki_high)

@@ -9,7 +9,7 @@ from revline.design.gain_curve import AXIS, Contour, LoopFamily
 from revline.design.gain_rays import RayPlace, place_gains
 from revline.design.gain_region import GainRegion, Window, find_gain_region
 from revline.design.sensitivity_contour import SensitivityContour, find_peaks, find_sensitivity_contour
-from revline.errors import InvalidInputError, out_of_range
+from revline.errors import InvalidInputError, NotConvergedError, out_of_range
 
 MakeFamily = Callable[[float, Contour], LoopFamily]
 """Gives a plant with a kd and a contour."""
@@ -101,11 +101,13 @@ class LargestKd:
 
     Attributes:
         stabilised: largest kd found at which some do.
-        lost: smallest one found above it at which none do; infinite where some still do at the largest tried.
+        lost: smallest one found above it at which none are found; infinite where some still are at the largest tried.
+        reason: why none are found there.
     """
 
     stabilised: float
     lost: float
+    reason: str
 
 
 def find_slices(make: MakeFamily, question: Question, *, marks: tuple[Mark, ...] = (), delayed: bool) -> tuple[GainSlice, ...]:
@@ -200,21 +202,26 @@ def find_largest_kd(make: MakeFamily) -> LargestKd:
         raise InvalidInputError(message)
     unit = max(abs(region.window.kp_low), abs(region.window.kp_high))
     low, high = 0.0, 1e-3 * unit
-    while _stabilised(make, high):
+    reason = _why_none(make, high)
+    while not reason:
         low, high = high, KD_GROWTH * high
         if high > MOST_KD * unit:
-            return LargestKd(stabilised=low, lost=math.inf)
+            return LargestKd(stabilised=low, lost=math.inf, reason="")
+        reason = _why_none(make, high)
     while high - low > KD_TOLERANCE * high:
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if _stabilised(make, middle) else (low, middle)
-    return LargestKd(stabilised=low, lost=high)
+        found = _why_none(make, middle)
+        low, high, reason = (low, middle, found) if found else (middle, high, reason)
+    return LargestKd(stabilised=low, lost=high, reason=reason)
 
 
-def _stabilised(make: MakeFamily, kd: float) -> bool:
-    """Whether some gains stabilise; a derivative that makes infinitely many roots unstable, or the loop improper, leaves none."""
+def _why_none(make: MakeFamily, kd: float) -> str:
+    """Why no gains stabilise, as far as can be told; empty where some do."""
     try:
-        return not find_gain_region(make(kd, AXIS)).empty
+        return "no kp and ki stabilise" if find_gain_region(make(kd, AXIS)).empty else ""
     except InvalidInputError as error:
         if "kd" not in error.details:
             raise
-        return False
+        return str(error)
+    except NotConvergedError as error:
+        return str(error)

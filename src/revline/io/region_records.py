@@ -28,7 +28,7 @@ def slices_record(slices: Sequence[GainSlice], *, largest: LargestKd | None = No
     if largest is not None:
         found: dict[str, object] = {"stabilised": largest.stabilised, "unit": f"{slices[0].region.family.gain_unit} s"}
         if math.isfinite(largest.lost):
-            found["lost"] = largest.lost
+            found |= {"lost": largest.lost, "reason": largest.reason}
         record["largest_kd"] = found
     return record
 

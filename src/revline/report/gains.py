@@ -110,7 +110,7 @@ def _mark(axes: Axes, entry: GainSlice) -> list[Note]:
 
 
 def _view(entry: GainSlice, beside: Sequence[NonlinearBoundary]) -> tuple[float, float, float]:
-    """Part of the plane that is shown: a bounded region whole, of an unbounded one what holds contours and controllers."""
+    """Part of the plane that is shown: a bounded region whole, of an unbounded one what holds the controllers, or the contours."""
     window = entry.region.window
     kp = [p.mark.gains.kp for p in entry.placed]
     ki = [p.mark.gains.ki for p in entry.placed]
@@ -120,14 +120,14 @@ def _view(entry: GainSlice, beside: Sequence[NonlinearBoundary]) -> tuple[float,
     if entry.region.bounded:
         kp.append(window.kp_high / 1.15)
         ki.append(window.ki_high / 1.15)
-    else:
+    elif not entry.placed:
         for contour in entry.contours:
             kp += contour.kp.tolist()
             ki += contour.ki.tolist()
-    right = 1.15 * max(kp, default=window.kp_high / 1.15)
-    top = 1.15 * max(ki, default=window.ki_high / 1.15)
-    left = min(window.kp_low, *kp) if kp else window.kp_low
-    return max(left, -0.2 * right), right if right > 0.0 else window.kp_high, top if top > 0.0 else window.ki_high
+    right, top = 1.15 * max(kp, default=window.kp_high / 1.15), 1.15 * max(ki, default=window.ki_high / 1.15)
+    right = min(right, entry.region.reach[0]) if right > 0.0 else window.kp_high
+    top = min(top, entry.region.reach[1]) if top > 0.0 else window.ki_high
+    return max(min([window.kp_low, *kp]), -0.2 * right), right, top
 
 
 def _fill(axes: Axes, region: GainRegion, view: tuple[float, float, float]) -> None:
@@ -143,12 +143,9 @@ def _fill(axes: Axes, region: GainRegion, view: tuple[float, float, float]) -> N
 
 
 def _draw_boundary(axes: Axes, region: GainRegion, look: Look, label: str) -> None:
-    """Draw what bounds a region, each run of the curve as one line, its ends on the axis of kp included."""
-    rim = region.rim.copy()
-    touch = (np.abs(region.ki) <= 1e-9 * region.window.ki_high) & (np.append(rim[1:], False) | np.append(False, rim[:-1]))
-    rim |= touch
-    for run in _runs(rim):
-        draw_curve(axes, region.kp[run], np.maximum(region.ki[run], 0.0), look, label)
+    """Draw what bounds a region, each run of the curve as one line."""
+    for run in _runs(region.rim):
+        draw_curve(axes, region.kp[run], region.ki[run], look, label)
         label = ""
 
 
@@ -178,6 +175,8 @@ def _frequency_notes(region: GainRegion) -> list[Note]:
     at = np.flatnonzero(region.rim)
     if not at.size:
         return []
-    length = np.hypot(np.gradient(region.kp[at]) / np.ptp(region.kp[at]), np.gradient(region.ki[at]) / np.ptp(region.ki[at])).cumsum()
+    window = region.window
+    across, up = region.kp[at] / (window.kp_high - window.kp_low), region.ki[at] / window.ki_high
+    length = np.hypot(np.diff(across, prepend=across[0]), np.diff(up, prepend=up[0])).cumsum()
     chosen = at[np.unique(np.searchsorted(length, np.array(FREQUENCIES) * length[-1]))]
     return [Note(float(region.kp[k]), float(region.ki[k]), f"{region.omega[k]:.3g} rad/s") for k in chosen]
