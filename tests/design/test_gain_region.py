@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 
 from revline.analysis.linearize import linearize
 from revline.analysis.trim import find_trim
@@ -195,3 +196,19 @@ def test_unfit_questions_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gain_curve, "MOST_POINTS", 10)
     with pytest.raises(NotConvergedError, match="turns too fast near"):
         find_gain_region(family_of_model(G2D), window)
+
+
+@pytest.mark.reference
+def test_the_largest_kp_of_a_lag_with_delay_is_that_of_silva_datta_and_bhattacharyya() -> None:
+    """Silva, Datta and Bhattacharyya (2005), chapter 7: of all kd, kp up to (T/L a sin a - cos a)/k with tan a = -a T/(T + L)."""
+    gain, lag, delay = 2.0, 0.8, 0.3
+    angle = float(brentq(lambda x: (lag + delay) * math.sin(x) + lag * x * math.cos(x), 1.0, math.pi, xtol=1e-15))
+    wanted = (lag / delay * angle * math.sin(angle) - math.cos(angle)) / gain
+    plant = TransferFunction(numerator=(gain,), denominator=(1.0, lag), delay=delay)
+    found = []
+    for share in (0.0, 0.2, 0.4, 0.6, 0.8):
+        region = find_gain_region(family_of_model(plant, kd=share * lag / gain))
+        found.append(float(np.max(region.kp[region.rim])))
+    assert all(kp <= wanted * (1.0 + 1e-12) for kp in found)
+    assert max(found) == pytest.approx(wanted, rel=1e-6)
+    assert found[0] < 0.92 * wanted

@@ -76,7 +76,7 @@ def test_a_plant_without_delay_is_damped_at_all_frequencies() -> None:
 
 def test_the_largest_kd_is_where_the_region_vanishes() -> None:
     found = find_largest_kd(make)
-    assert found.lost == pytest.approx(found.stabilised, rel=2e-4)
+    assert found.lost == pytest.approx(found.stabilised, rel=2e-3)
     assert found.reason == "no kp and ki stabilise"
     (last,) = find_slices(make, Question(kds=(found.stabilised,)), delayed=True)
     (none,) = find_slices(make, Question(kds=(found.lost,), damping=0.1), delayed=True)

@@ -37,36 +37,55 @@ class _Simulation(NamedTuple):
     workers: int
 
 
+ModelArgument = Annotated[
+    Path | None, typer.Argument(metavar="[MODEL.json]", help="Model file; without one, the engine's exact linear model at --throttle.")
+]
+ThrottleOption = Annotated[
+    float | None, typer.Option("--throttle", metavar="DEG", help="Throttle angle of the engine's trim [deg]; a model needs none.")
+]
+KdOption = Annotated[
+    str,
+    typer.Option("--kd", metavar="KD,..", help="Derivative gains, a slice each [deg s/rad per rad/s for an engine]; 0 if none is given."),
+]
+KpMaxOption = Annotated[float | None, typer.Option("--kp-max", metavar="KP", help="Largest kp looked at; else chosen.")]
+KiMaxOption = Annotated[float | None, typer.Option("--ki-max", metavar="KI", help="Largest ki looked at; else chosen.")]
+MsOption = Annotated[str, typer.Option("--ms", metavar="MS,..", help="Peak sensitivities to draw contours of, such as 1.4,1.7,2.")]
+DampingOption = Annotated[
+    float | None, typer.Option("--damping", metavar="ZETA", help="Damping ratio: find the gains that damp all roots so.")
+]
+UpToOption = Annotated[
+    float | None,
+    typer.Option("--damping-up-to", metavar="W", help="Natural frequency up to which [rad/s]; else the highest of the boundary."),
+]
+MarkOption = Annotated[list[Path] | None, typer.Option("--mark", metavar="CONTROLLER.json", help="Controller to place; repeatable.")]
+LargestKdOption = Annotated[bool, typer.Option("--largest-kd", help="Find the largest kd at which some gains stabilise.")]
+OnEngineOption = Annotated[
+    int, typer.Option("--on-engine", metavar="N", min=0, help="Bisect the boundary on the nonlinear engine along N rays.")
+]
+StepOption = Annotated[float, typer.Option("--step", metavar="DW", help="Step of the speed command for --on-engine [rad/s].")]
+PlotOption = Annotated[Path | None, typer.Option("--plot", metavar="FILE.png|svg", help="Figure to write.")]
+CsvOption = Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Boundaries and contours as CSV, units in the header.")]
+WorkersOption = Annotated[int, typer.Option("--workers", min=1, max=64, help="Threads for --on-engine; results do not depend on them.")]
+
+
 def region(
     *,
-    model: Annotated[
-        Path | None, typer.Argument(metavar="[MODEL.json]", help="Model file; without one, the engine's exact linear model at --throttle.")
-    ] = None,
-    throttle: Annotated[
-        float | None, typer.Option("--throttle", metavar="DEG", help="Throttle angle of the engine's trim [deg]; a model needs none.")
-    ] = None,
+    model: ModelArgument = None,
+    throttle: ThrottleOption = None,
     load: LoadOption = 0.0,
-    kd: Annotated[
-        str, typer.Option("--kd", metavar="KD,..", help="Derivative gains, a slice each [deg s/rad per rad/s for an engine].")
-    ] = "",
-    kp_max: Annotated[float | None, typer.Option("--kp-max", metavar="KP", help="Largest kp looked at; else chosen.")] = None,
-    ki_max: Annotated[float | None, typer.Option("--ki-max", metavar="KI", help="Largest ki looked at; else chosen.")] = None,
-    ms: Annotated[str, typer.Option("--ms", metavar="MS,..", help="Peak sensitivities to draw contours of, such as 1.4,1.7,2.")] = "",
-    damping: Annotated[float | None, typer.Option("--damping", metavar="ZETA", help="Damping ratio: find the gains that damp so.")] = None,
-    damping_up_to: Annotated[
-        float | None,
-        typer.Option("--damping-up-to", metavar="W", help="Natural frequency up to which [rad/s]; else the highest of the boundary."),
-    ] = None,
-    mark: Annotated[list[Path] | None, typer.Option("--mark", metavar="CONTROLLER.json", help="Controller to place; repeatable.")] = None,
-    largest_kd: Annotated[bool, typer.Option("--largest-kd", help="Find the largest kd at which some gains stabilise.")] = False,
-    on_engine: Annotated[
-        int,
-        typer.Option("--on-engine", metavar="N", min=0, help="Bisect the boundary on the nonlinear engine along N rays."),
-    ] = 0,
-    step: Annotated[float, typer.Option("--step", metavar="DW", help="Step of the speed command for --on-engine [rad/s].")] = 60.0,
-    plot: Annotated[Path | None, typer.Option("--plot", metavar="FILE.png|svg", help="Figure to write.")] = None,
-    csv: Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Boundaries and contours as CSV, units in the header.")] = None,
-    workers: Annotated[int, typer.Option("--workers", min=1, max=64, help="Threads for --on-engine.")] = 2,
+    kd: KdOption = "",
+    kp_max: KpMaxOption = None,
+    ki_max: KiMaxOption = None,
+    ms: MsOption = "",
+    damping: DampingOption = None,
+    damping_up_to: UpToOption = None,
+    mark: MarkOption = None,
+    largest_kd: LargestKdOption = False,
+    on_engine: OnEngineOption = 0,
+    step: StepOption = 60.0,
+    plot: PlotOption = None,
+    csv: CsvOption = None,
+    workers: WorkersOption = 2,
     engine: EngineOption = DEFAULT_ENGINE,
     out: OutOption = None,
     json: JsonOption = False,

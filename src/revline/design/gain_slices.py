@@ -17,8 +17,8 @@ MakeFamily = Callable[[float, Contour], LoopFamily]
 KD_GROWTH = 1.25
 """By this factor kd is raised until no gains stabilise any more."""
 
-KD_TOLERANCE = 1e-4
-"""To this fraction the largest kd is bisected."""
+KD_TOLERANCE = 1e-3
+"""To this fraction the largest kd is bisected; a region about to vanish is as small as what its boundary is resolved by."""
 
 MOST_KD = 1e3
 """Largest kd tried, as a multiple of kp's reach at a rate of 1 rad/s."""
