@@ -73,6 +73,15 @@ def test_the_window_chosen_holds_all_or_stops_at_a_large_loop_gain() -> None:
     assert find_window(family_of_model(G1)).kp_high == pytest.approx(100.0 / 12.2163)
 
 
+def test_a_region_that_leaves_the_window_through_a_gap_is_not_bounded() -> None:
+    """The top edge crosses the region just below its highest point, over a hundred-thousandth of the window."""
+    whole = find_gain_region(family_of_model(G2D))
+    top = float(np.max(whole.ki[whole.rim]))
+    window = Window(kp_low=-100.0, kp_high=100.0, ki_high=top * (1.0 - 1e-6))
+    assert not find_gain_region(family_of_model(G2D), window).bounded
+    assert find_gain_region(family_of_model(G2D), Window(kp_low=-100.0, kp_high=100.0, ki_high=top * 1.01)).bounded
+
+
 def test_an_area_without_delay_has_its_closed_form() -> None:
     """Below Routh's line and between the ends of kp, within a window that the line leaves at its right."""
     gain, a1, a2 = 12.0066, 0.55159, 0.034396

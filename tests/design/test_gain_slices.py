@@ -6,7 +6,7 @@ import pytest
 
 from revline.design.controller import PidGains
 from revline.design.gain_curve import Contour, LoopFamily
-from revline.design.gain_slices import Mark, Question, find_largest_kd, find_slices
+from revline.design.gain_slices import Question, find_largest_kd, find_slices, mark_controller
 from revline.design.loop_family import family_of_model
 from revline.design.loop_stability import judge_loop_stability
 from revline.design.margins import find_margins
@@ -33,7 +33,7 @@ C1, C2D, C2D_TENTH = pid(2.153, 16.85, 0.0), pid(1.2, 2.0, 0.1), pid(0.12, 2.0, 
 def test_the_thesis_controllers_lie_where_they_should() -> None:
     """C1 outside at kd = 0, at 1/2.098 of its gains on the edge (kp = 1.027 there); C2d inside; a tenth of its kp swings slowly."""
     question = Question(kds=(0.05,), peaks=(2.0,), damping=0.3, up_to=20.0)
-    marks = tuple(Mark(name=n, gains=g) for n, g in (("c1", C1), ("c2d", C2D), ("tenth", C2D_TENTH)))
+    marks = tuple(mark_controller(n, g) for n, g in (("c1", C1), ("c2d", C2D), ("tenth", C2D_TENTH)))
     slices = find_slices(make, question, marks=marks, delayed=True)
     assert [entry.region.family.kd for entry in slices] == [0.05, 0.0, 0.1]
     assert slices[0].placed == ()
@@ -52,11 +52,12 @@ def test_the_thesis_controllers_lie_where_they_should() -> None:
 
 
 def test_a_controller_far_outside_widens_the_window() -> None:
-    hot = Mark(name="hot", gains=pid(40.0, 9000.0, 0.0))
+    gains = pid(40.0, 9000.0, 0.0)
+    hot = mark_controller("hot", gains)
     (entry,) = find_slices(make, Question(kds=()), marks=(hot,), delayed=True)
     assert entry.region.window.kp_high >= 44.0
     assert entry.region.window.ki_high >= 9900.0
-    verdict = judge_loop_stability(G2D, hot.gains)
+    verdict = judge_loop_stability(G2D, gains)
     assert not verdict.stable
     assert entry.placed[0].place.unstable == getattr(verdict, "unstable_poles", None)
 
@@ -109,9 +110,9 @@ def test_unfit_questions_are_refused() -> None:
     with pytest.raises(InvalidInputError, match="no derivative gain is given"):
         find_slices(make, Question(kds=()), delayed=True)
     with pytest.raises(InvalidInputError, match=r"controller c has gains in V/\(rad/s\) and g2d takes deg/\(rad/s\)"):
-        find_slices(make, Question(), marks=(Mark(name="c", gains=pid(1.0, 1.0, 0.0, "V")),), delayed=True)
+        find_slices(make, Question(), marks=(mark_controller("c", pid(1.0, 1.0, 0.0, "V")),), delayed=True)
     with pytest.raises(InvalidInputError, match=r"ki of c = -1 deg/\(rad/s\)/s is outside 0 and above"):
-        find_slices(make, Question(), marks=(Mark(name="c", gains=pid(1.0, -1.0, 0.0)),), delayed=True)
+        find_slices(make, Question(), marks=(mark_controller("c", pid(1.0, -1.0, 0.0)),), delayed=True)
     with pytest.raises(InvalidInputError, match="have no boundary in the window"):
         find_slices(make, Question(kp_max=1e-6, ki_max=1e-9, damping=0.1), delayed=True)
     unstable = TransferFunction(numerator=(1.0,), denominator=(1.0, -0.2, 1.0), delay=0.1)

@@ -104,6 +104,36 @@ def test_saturation_takes_gains_away_that_the_linear_boundary_allows() -> None:
     assert found.largest_difference > 0.1
 
 
+def test_an_interruption_ends_the_search() -> None:
+    engine = lee1995()
+    trim = find_trim(engine, inputs={"throttle": 25.0})
+
+    def interrupt(_: float) -> None:
+        raise KeyboardInterrupt
+
+    search = BoundarySearch(rays=2, tolerance=0.2, until=5.0, longest=10.0)
+    with pytest.raises(KeyboardInterrupt):
+        find_nonlinear_boundary(engine, trim, StepCase(command=60.0, limits=THROTTLE), search=search, workers=1, progress=interrupt)
+
+
+def test_a_ray_that_is_lost_is_told_beside_those_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    engine = lee1995()
+    trim = find_trim(engine, inputs={"throttle": 25.0})
+    whole = _Bisection.find
+
+    def find(self: _Bisection) -> nonlinear_boundary.BoundaryPoint:
+        if self.ray.kp < 2.0:
+            message = "lost on purpose"
+            raise NotConvergedError(message)
+        return whole(self)
+
+    monkeypatch.setattr(_Bisection, "find", find)
+    search = BoundarySearch(rays=2, tolerance=0.2, until=15.0, longest=30.0)
+    found = find_nonlinear_boundary(engine, trim, StepCase(command=60.0, limits=THROTTLE), search=search)
+    assert len(found.points) == len(found.lost) == 1
+    assert found.lost[0].reason == "lost on purpose"
+
+
 def test_unfit_questions_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     for options, words in (
         ({"rays": 0}, r"rays = 0"),

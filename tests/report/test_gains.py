@@ -1,3 +1,4 @@
+import pickle
 from collections.abc import Callable
 from typing import Any
 
@@ -8,12 +9,13 @@ from matplotlib.figure import Figure
 from revline.design.closed_loop import Limits
 from revline.design.controller import PidGains
 from revline.design.gain_curve import Contour, LoopFamily
-from revline.design.gain_slices import GainSlice, Mark, Question, find_slices
+from revline.design.gain_slices import GainSlice, Mark, Question, find_slices, mark_controller
 from revline.design.loop_family import family_of_model
 from revline.design.nonlinear_boundary import BoundaryPoint, BoundarySearch, NonlinearBoundary, StepCase
 from revline.design.outcome import Diverged
 from revline.errors import InvalidInputError
 from revline.lti.transfer_function import TransferFunction
+from revline.report.figure_files import figure_task
 from revline.report.gains import plot_gain_slices
 
 Check = Callable[[Figure], Any]
@@ -30,7 +32,7 @@ def slices_of(plant: TransferFunction, kds: tuple[float, ...], *marks: Mark) -> 
 
 
 def test_region_contour_damping_controllers_and_simulated_points_are_drawn(check_figure: Check) -> None:
-    slices = slices_of(G2.with_delay(0.0213), (0.0,), Mark(name="c2d", gains=C2D))
+    slices = slices_of(G2.with_delay(0.0213), (0.0,), mark_controller("c2d", C2D))
     point = BoundaryPoint(
         kp=1.5,
         ki=7.0,
@@ -84,7 +86,7 @@ def test_the_boundary_is_one_line_from_axis_to_axis(check_figure: Check) -> None
 
 
 def test_a_region_without_end_is_drawn_to_the_pictures_edge(check_figure: Check) -> None:
-    mark = Mark(name="c", gains=PidGains(kp=2.153, ki=16.85, kd=0.0, input_unit="rad/s", output_unit="deg", rule="r", designed_on="d"))
+    mark = mark_controller("c", PidGains(kp=2.153, ki=16.85, kd=0.0, input_unit="rad/s", output_unit="deg", rule="r", designed_on="d"))
     picture = check_figure(plot_gain_slices(slices_of(G2, (0.0,), mark)))
     assert "stable, without end" in picture.legend
     assert picture.figure.axes[0].get_xlim()[1] == pytest.approx(1.15 * 2.153)
@@ -102,3 +104,14 @@ def test_what_cannot_be_drawn_is_refused() -> None:
         plot_gain_slices([])
     with pytest.raises(InvalidInputError, match="4 slices of gains do not stay legible"):
         plot_gain_slices(slices_of(G2, (0.0,)) * 4)
+
+
+def test_slices_can_be_kept_and_sent_to_another_process() -> None:
+    """A figure's arguments need a fingerprint, and go through a pickle."""
+    one, two = (slices_of(G2.with_delay(0.0213), (0.0,), mark_controller("c2d", C2D)) for _ in range(2))
+    assert figure_task("region", plot_gain_slices, one).identity == figure_task("region", plot_gain_slices, two).identity
+    other = slices_of(G2.with_delay(0.022), (0.0,), mark_controller("c2d", C2D))
+    assert figure_task("region", plot_gain_slices, other).identity != figure_task("region", plot_gain_slices, one).identity
+    (again,) = pickle.loads(pickle.dumps(one))  # noqa: S301 - made in the same line
+    assert np.array_equal(again.region.kp, one[0].region.kp)
+    assert again.region.stabilises(1.0, 1.0) == one[0].region.stabilises(1.0, 1.0)

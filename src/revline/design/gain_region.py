@@ -110,10 +110,10 @@ class GainRegion:
     def bounded(self) -> bool:
         """Whether all such gains lie inside the window."""
         low, high, top = self.window.kp_low, self.window.kp_high, self.window.ki_high
-        at = np.linspace(0.0, top, 257)[1:]
-        across = np.linspace(low, high, 257)
-        p = np.concatenate((np.full(at.size, high), np.full(at.size, low), across))
-        i = np.concatenate((at, at, np.full(across.size, top)))
+        across = _middles(self.kp, self.ki - top, low, high)
+        left, right = (_middles(self.ki, self.kp - edge, 0.0, top) for edge in (low, high))
+        p = np.concatenate((np.full(left.size, low), np.full(right.size, high), across))
+        i = np.concatenate((left, right, np.full(across.size, top)))
         return not bool(np.any(self.stabilises(p, i)))
 
     @property
@@ -229,6 +229,15 @@ def _crossings(curve: GainCurve, p: Floats) -> tuple[NDArray[np.intp], Floats, C
     share = (p[points] - kp[pieces]) / (kp[pieces + 1] - kp[pieces])
     height = ki[pieces] + share * (ki[pieces + 1] - ki[pieces])
     return points, height, np.where(kp[pieces + 1] > kp[pieces], 2, -2)
+
+
+def _middles(along: Floats, beyond: Floats, low: float, high: float) -> Floats:
+    """Middles between the places where a curve crosses an edge, which runs from low to high: the count changes nowhere else on it."""
+    at = np.flatnonzero((beyond[1:] > 0.0) != (beyond[:-1] > 0.0))
+    share = beyond[at] / (beyond[at] - beyond[at + 1])
+    places = along[at] + share * (along[at + 1] - along[at])
+    ends = np.concatenate(([low], np.sort(places[(places > low) & (places < high)]), [high]))
+    return np.asarray(0.5 * (ends[:-1] + ends[1:]))
 
 
 def _heights(region: GainRegion, at: Floats) -> Floats:

@@ -55,10 +55,24 @@ class Question:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Mark:
-    """A controller to be placed in the slice of its kd."""
+    """A controller to be placed in the slice of its kd.
+
+    Attributes:
+        name: for people.
+        kp, ki, kd: its gains.
+        unit: of kp.
+    """
 
     name: str
-    gains: PidGains
+    kp: float
+    ki: float
+    kd: float
+    unit: str
+
+
+def mark_controller(name: str, gains: PidGains) -> Mark:
+    """Name a controller to be placed."""
+    return Mark(name=name, kp=gains.kp, ki=gains.ki, kd=gains.kd, unit=gains.gain_units["kp"])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -126,11 +140,11 @@ def find_slices(make: MakeFamily, question: Question, *, marks: tuple[Mark, ...]
         InvalidInputError: a gain, a peak or a damping cannot be asked for, or infinitely many roots are unstable at a kd.
         NotConvergedError: a curve turns too fast to be followed.
     """
-    kds = tuple(dict.fromkeys((*question.kds, *(mark.gains.kd for mark in marks))))
+    kds = tuple(dict.fromkeys((*question.kds, *(mark.kd for mark in marks))))
     if not kds:
         message = "no derivative gain is given, and no controller that has one; give kd = 0 for none"
         raise InvalidInputError(message)
-    return tuple(_slice(make, kd, question, tuple(m for m in marks if m.gains.kd == kd), delayed=delayed) for kd in kds)
+    return tuple(_slice(make, kd, question, tuple(m for m in marks if m.kd == kd), delayed=delayed) for kd in kds)
 
 
 def _slice(make: MakeFamily, kd: float, question: Question, marks: tuple[Mark, ...], *, delayed: bool) -> GainSlice:
@@ -155,7 +169,7 @@ def _region(family: LoopFamily, question: Question, marks: tuple[Mark, ...]) -> 
     if question.ki_max != 0.0:
         window = replace(window, ki_high=question.ki_max)
     for mark in marks:
-        kp, ki = mark.gains.kp, mark.gains.ki
+        kp, ki = mark.kp, mark.ki
         window = Window(kp_low=min(window.kp_low, 1.1 * kp), kp_high=max(window.kp_high, 1.1 * kp), ki_high=max(window.ki_high, 1.1 * ki))
     return found if window == found.window else find_gain_region(family, window)
 
@@ -170,16 +184,16 @@ def _highest(region: GainRegion, *, delayed: bool) -> float:
 
 
 def _check_units(mark: Mark, family: LoopFamily) -> None:
-    unit = mark.gains.gain_units["kp"]
+    unit = mark.unit
     if family.gain_unit and unit != family.gain_unit:
         message = f"controller {mark.name} has gains in {unit} and {family.name} takes {family.gain_unit}; convert the gains"
         raise InvalidInputError(message, unit=unit)
-    if mark.gains.ki < 0.0:
-        raise out_of_range(f"ki of {mark.name}", mark.gains.ki, f"{unit}/s", "0 and above", "turn the sign of the gains")
+    if mark.ki < 0.0:
+        raise out_of_range(f"ki of {mark.name}", mark.ki, f"{unit}/s", "0 and above", "turn the sign of the gains")
 
 
 def _placed(mark: Mark, region: GainRegion, damped: tuple[GainRegion, ...]) -> Placed:
-    kp, ki = mark.gains.kp, mark.gains.ki
+    kp, ki = mark.kp, mark.ki
     place = place_gains(region, kp, ki)
     peak = float(find_peaks(region, kp, ki)) if place.inside else 0.0
     return Placed(mark=mark, place=place, peak=peak, damped=any(place_gains(other, kp, ki).inside for other in damped))

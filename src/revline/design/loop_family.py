@@ -1,5 +1,7 @@
 """Plants under all PI controllers with one derivative gain, from transfer functions and from exact linear models."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,6 +26,26 @@ MOST_ROOTS = 400
 """Most roots that are listed to count those right of a contour."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _OfModel:
+    """1/P of a transfer function: a value, so that what holds it can be kept, and sent to another process."""
+
+    plant: TransferFunction
+
+    def __call__(self, s: Complexes) -> Complexes:
+        return np.asarray(1.0 / self.plant(s))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _OfSystem:
+    """The same of a system with one input and one output."""
+
+    plant: DelayStateSpace
+
+    def __call__(self, s: Complexes) -> Complexes:
+        return np.asarray(1.0 / self.plant.transfer(s)[..., 0, 0])
+
+
 def family_of_model(plant: TransferFunction, *, kd: float = 0.0, name: str = "model", contour: Contour = AXIS) -> LoopFamily:
     """Take a transfer function with delay.
 
@@ -41,9 +63,7 @@ def family_of_model(plant: TransferFunction, *, kd: float = 0.0, name: str = "mo
     if plant.numerator[0] == 0.0:
         raise _no_answer_at_rest(name)
 
-    def inverse(s: Complexes) -> Complexes:
-        return np.asarray(1.0 / plant(s))
-
+    inverse = _OfModel(plant)
     at_rest = plant.denominator[0] / plant.numerator[0]
     base = _base(inverse, at_rest)
     if contour.damping == 0.0:
@@ -88,11 +108,6 @@ def family_of_system(
     gain = plant.static_gain(wires.drive, wires.measurement)
     if gain == 0.0:
         raise _no_answer_at_rest(name)
-    single = select(plant, [column], [row])
-
-    def inverse(s: Complexes) -> Complexes:
-        return np.asarray(1.0 / single.transfer(s)[..., 0, 0])
-
     units = plant.inputs[column].unit, plant.outputs[row].unit
     own = characteristic_roots(plant)
     if contour.damping == 0.0 and kd == 0.0:
@@ -104,7 +119,7 @@ def family_of_system(
         outside = _count_right(_with_derivative(plant, kd, wires), contour, name, kd)
     return LoopFamily(
         name=name,
-        inverse=inverse,
+        inverse=_OfSystem(select(plant, [column], [row])),
         at_rest=1.0 / gain,
         kd=kd,
         base=0.0,

@@ -154,7 +154,7 @@ def _contour_record(contour: SensitivityContour) -> Mapping[str, object]:
 
 
 def _placed_record(placed: Placed, *, with_damping: bool) -> Mapping[str, object]:
-    gains, place = placed.mark.gains, placed.place
+    gains, place = placed.mark, placed.place
     record: dict[str, object] = {
         "name": placed.mark.name,
         "kp": gains.kp,

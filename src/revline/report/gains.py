@@ -103,17 +103,17 @@ def _mark(axes: Axes, entry: GainSlice) -> list[Note]:
     (low, high), (_, top) = axes.get_xlim(), axes.get_ylim()
     frequencies = [note for note in _frequency_notes(entry.region) if low <= note.x <= high and note.y <= top]
     mark_points(axes, frequencies)
-    gains = [placed.mark.gains for placed in entry.placed]
+    gains = [placed.mark for placed in entry.placed]
     if gains:
         draw_curve(axes, np.array([g.kp for g in gains]), np.array([g.ki for g in gains]), CONTROLLER, "controllers")
-    return [*frequencies, *(Note(p.mark.gains.kp, p.mark.gains.ki, p.mark.name) for p in entry.placed)]
+    return [*frequencies, *(Note(p.mark.kp, p.mark.ki, p.mark.name) for p in entry.placed)]
 
 
 def _view(entry: GainSlice, beside: Sequence[NonlinearBoundary]) -> tuple[float, float, float]:
     """Part of the plane that is shown: a bounded region whole, of an unbounded one what holds the controllers, or the contours."""
     window = entry.region.window
-    kp = [p.mark.gains.kp for p in entry.placed]
-    ki = [p.mark.gains.ki for p in entry.placed]
+    kp = [p.mark.kp for p in entry.placed]
+    ki = [p.mark.ki for p in entry.placed]
     for found in beside:
         kp.append(float(np.max(found.linear.kp[found.linear.rim])))
         ki.append(float(np.max(found.linear.ki[found.linear.rim])))
