@@ -72,7 +72,13 @@ def test_slices_contours_damping_controllers_figure_and_table(revline: Command, 
     assert set(rows[0]) == {"kd_deg_rad_s_s", "damping_1", "inverse_ms_1", "frequency_rad_s", "kp_deg_rad_s", "ki_deg_rad_s_s"}
     assert {float(row["kd_deg_rad_s_s"]) for row in rows} == {0.0, 0.1}
     words = revline("region", "--throttle", 25, *asked, "--quiet").out
-    for text in ("largest ki with Ms = 1.7", "no gains are so gentle", "outside, 2 unstable roots", "largest kd at which"):
+    for text in (
+        "largest ki with Ms = 1.7",
+        "no gains are so gentle",
+        "outside, 2 unstable roots",
+        "inside, damped at least 0.1",
+        "largest kd at which",
+    ):
         assert text in words
 
 

@@ -95,8 +95,6 @@ def region(
 
     The boundary is the curve of gains at which a root lies on the imaginary axis; each of its points is exact.
     Controllers that are marked are placed in the slice of their own kd.
-
-    Example: revline region --throttle 25 --kd 0,0.1 --ms 1.7,2 --mark c2d.json --plot region.png
     """
     from revline.design.gain_slices import find_largest_kd, find_slices
     from revline.io.json_files import format_json
@@ -235,7 +233,7 @@ def _parts(name: str, slices: "Sequence[GainSlice]", simulated: "Sequence[Nonlin
         parts.append(Facts(f"Stabilising gains of {name}, kd = {entry.region.family.kd:g}", describe_slice(entry)))
         if entry.placed:
             header = ("controller", "where", "kp and ki together", "Ms")
-            parts.append(Grid("Controllers with this kd", header, [describe_placed(placed) for placed in entry.placed]))
+            parts.append(Grid("Controllers with this kd", header, [describe_placed(entry, placed) for placed in entry.placed]))
     for found in simulated:
         title = f"By simulation, command {found.case.command:+g} rad/s, kd = {found.case.kd:g}, beside the linear boundary at its target"
         columns = ("kp", "ki", "settles at", "not at", "how it ends", "linear [rad/s]", "seen [rad/s]")

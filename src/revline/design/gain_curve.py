@@ -32,7 +32,7 @@ SIZE_STEP = 0.02
 PLANE_STEP = 0.02
 """Largest distance of neighbours in a window of gains, as a part of its size."""
 
-MOST_POINTS = 20_000
+MOST_POINTS = 50_000
 """Most points of the curve."""
 
 HIGHEST = 1e9

@@ -224,8 +224,8 @@ def describe_slice(entry: GainSlice) -> list[tuple[str, float | str, str]]:
     return rows
 
 
-def describe_placed(placed: Placed) -> tuple[str, str, str, str]:
-    """Give a controller's place as cells: name, whether it is inside, how far its gains may go, and Ms."""
+def describe_placed(entry: GainSlice, placed: Placed) -> tuple[str, str, str, str]:
+    """Give a controller's place in a slice as cells: name, whether it is inside, how far its gains may go, and Ms."""
     place = placed.place
     words = []
     if place.rise is not None:
@@ -233,4 +233,6 @@ def describe_placed(placed: Placed) -> tuple[str, str, str, str]:
     if place.fall is not None:
         words.append(f"down to {place.fall.factor:.4g} times, at {place.fall.frequency:.4g} rad/s")
     inside = "inside" if place.inside else f"outside, {place.unstable} unstable roots"
+    if place.inside and entry.damped:
+        inside += f", damped {'at least' if placed.damped else 'less than'} {entry.damped[0].family.contour.damping:g}"
     return placed.mark.name, inside, "; ".join(words) or "no crossing", f"{placed.peak:.4g}" if place.inside else ""
