@@ -10,6 +10,7 @@ import numpy as np
 from revline.design.closed_loop import LoopRun
 from revline.report.numbers import MINUS
 from revline.studies.config import reference_text
+from revline.studies.own_figures import OWN_CAPTIONS, OWN_ROWS
 from revline.studies.results import TimeRecord, title
 from revline.studies.study_results import StudyResults
 from revline.studies.words import limit_text, listed, outcome_text, plant_name, relative_outcome, typographic
@@ -21,8 +22,8 @@ SPECTRUM_FIGURES = ("4.5", "4.6", "4.4", "4.7", "4.8", "4.9")
 
 
 def figure_rows() -> tuple[dict[str, str], ...]:
-    """Rows of the thesis's list of figures: id, title, axes and content."""
-    return tuple(csv.DictReader(io.StringIO(reference_text("figures.csv"))))
+    """Rows of the thesis's list of figures, then of the study's own: id, title and axes."""
+    return (*csv.DictReader(io.StringIO(reference_text("figures.csv"))), *(dict(row) for row in OWN_ROWS))
 
 
 def caption(figure: str, results: StudyResults) -> str:
@@ -257,6 +258,7 @@ CAPTIONS: Mapping[str, Caption] = MappingProxyType(
         "6.3": _fixed("The answer that the models are compared with, as a deviation from the operating point."),
         "6.4": _sine_errors(1),
         "6.5": _sine_errors(2),
+        **OWN_CAPTIONS,
     }
 )
 """By figure."""

@@ -9,6 +9,7 @@ import numpy as np
 from revline.design.outcome import Diverged, LimitCycle
 from revline.studies.config import StudyConfig, read_table_4_1
 from revline.studies.results import title
+from revline.studies.stability_results import AT_START, AT_TARGET
 
 if TYPE_CHECKING:
     from revline.studies.results import ModelsResult
@@ -70,7 +71,7 @@ def check_study(config: StudyConfig, results: "StudyResults") -> tuple[Check, ..
     own = tuple(_own_checks(config, results))
     if not config.asks_what_the_thesis_asked:
         return own
-    parts = (_point_checks, _response_checks, _model_checks, _controller_checks, _loop_checks)
+    parts = (_point_checks, _response_checks, _model_checks, _controller_checks, _loop_checks, _stability_checks)
     return own + tuple(check for part in parts for check in part(results))
 
 
@@ -205,3 +206,17 @@ def _loop_checks(results: "StudyResults") -> Iterator[Check]:
             for model, value in zip(("g2", "g2d"), wanted, strict=True):
                 name = f"error of {title(model)} at {record.frequency:g} rad/s, its mean left out"
                 yield _check(name, record.swing(model), value, 0.1 * value + 0.05, "rad/s")
+
+
+def _stability_checks(results: "StudyResults") -> Iterator[Check]:
+    """Gains at which stability is lost, recomputed for the engine of Lee (1995) to all digits; C1's own ratio ki/kp is 7.83 per second."""
+    found, c1 = results.stability, results.controllers.gains["c1"]
+    for plant, name, alone, with_integral in ((AT_START, "25 deg", 2.106, 1.240), (AT_TARGET, "30 deg", 2.794, 1.927)):
+        for region in found.of_kd(0.0):
+            if region.plant == plant:
+                measured = region.intervals[-1][1]
+                yield _check(f"exact model at {name}: kp at which proportional control alone loses stability", measured, alone, 1e-3)
+        loop = found.margin("c1", plant)
+        if loop is not None and loop.margins.gain_fall is not None:
+            measured = c1.kp * loop.margins.gain_fall.gain_margin
+            yield _check(f"exact model at {name}: kp at which a controller of C1's ratio loses stability", measured, with_integral, 1e-3)

@@ -21,6 +21,7 @@ from revline.report.numbers import format_number
 from revline.studies import content_loops, content_models
 from revline.studies.config import StudyConfig
 from revline.studies.content_engine import engine_section
+from revline.studies.content_stability import stability_section
 from revline.studies.material import Material, figures
 from revline.studies.results import NoRange, RangeResult
 from revline.studies.words import listed, outcome_text, typographic
@@ -44,6 +45,7 @@ def make_document(material: Material) -> Document:
         content_models.models_section,
         content_models.controllers_section,
         content_loops.loops_section,
+        stability_section,
         content_loops.errors_section,
         _guidelines,
         _checks,

@@ -21,6 +21,7 @@ from revline.studies.checks import Check
 from revline.studies.config import StudyConfig
 from revline.studies.parts import Parts
 from revline.studies.results import ControllersResult, ErrorsResult, LoopRow, ModelsResult, PointResult, RangeResult
+from revline.studies.stability_record import stability_record
 from revline.studies.study_results import StudyResults
 
 SCHEMA = "revline.study/1"
@@ -264,6 +265,7 @@ PARTS: Mapping[str, Callable[[StudyConfig, Mapping[str, Any]], Record]] = Mappin
         "table_models": lambda _, found: {"models_from_table": models_record(found["table_models"][0])} if found["table_models"] else {},
         "controllers": lambda _, found: controller_records(found["controllers"]),
         "loops": lambda _, found: {"closed_loops": [loop_record(row) for row in found["loops"].rows]},
+        "stability": lambda _, found: stability_record(found["stability"]),
         "errors": lambda _, found: {"model_errors": error_records(found["errors"])},
         "guidelines": lambda _, found: {"guidelines": list(found["guidelines"])},
     }

@@ -14,6 +14,7 @@ from revline.studies.chain import Chain, Report
 from revline.studies.config import StudyConfig
 from revline.studies.guidelines import write_guidelines
 from revline.studies.parts import Parts
+from revline.studies.stability_steps import find_stability
 from revline.studies.study_results import StudyResults
 from revline.system import DelaySystem
 from revline.values import fingerprint
@@ -80,11 +81,18 @@ STEPS = (
         0.05,
     ),
     StudyStep(
+        "stability",
+        "stability",
+        ("point", "models", "controllers", "loops"),
+        lambda task, *found: find_stability(task.engine, *found),
+        0.02,
+    ),
+    StudyStep(
         "model-errors",
         "errors",
         ("point", "models"),
         lambda task, point, models: loop_steps.find_errors(task.engine, point, models, task.config),
-        0.03,
+        0.01,
     ),
 )
 """All steps but the guidelines, which need every other."""

@@ -15,6 +15,7 @@ from revline.studies.results import (
     SineRecord,
     StepsResult,
 )
+from revline.studies.stability_results import StabilityResult
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -32,5 +33,6 @@ class StudyResults:
     table_models: tuple[ModelsResult, ...]
     controllers: ControllersResult
     loops: LoopsResult
+    stability: StabilityResult
     errors: ErrorsResult
     guidelines: tuple[str, ...] = ()
