@@ -31,14 +31,14 @@ def systems(
 
 
 @st.composite
-def transfer_functions(draw: st.DrawFn, excess: int = 0) -> TransferFunction:
+def transfer_functions(draw: st.DrawFn, excess: int = 0, delays: st.SearchStrategy[float] | None = None) -> TransferFunction:
     """Random proper transfer functions with delay, `excess` more poles than zeros at least, poles between 0.2 and 5 rad/s."""
     poles = draw(st.lists(st.floats(0.2, 5.0), min_size=excess, max_size=3))
     denominator: Sequence[float] = [1.0]
     for pole in poles:
         denominator = np.convolve(denominator, [1.0, 1.0 / pole]).tolist()
     numerator = draw(st.lists(st.floats(0.1, 2.0), min_size=1, max_size=len(poles) + 1 - excess))
-    delay = draw(st.floats(0.01, 1.0) | st.just(0.0))
+    delay = draw((st.floats(0.01, 1.0) if delays is None else delays) | st.just(0.0))
     return TransferFunction(
         numerator=tuple(numerator), denominator=tuple(denominator), delay=delay, input_unit="V", output_unit="V"
     )  # fmt: skip
