@@ -119,7 +119,7 @@ def linearize(
     found = linearize_system(plant, point)
     record = linearization_record(found, point)
     shell.write(out, format_json(record), "linear model")
-    shell.warn(*(str(kink) for kink in found.kinks))
+    shell.warn(*record["warnings"])
     model = found.model
     rows: list[tuple[str, float | str, str]] = [
         ("states", ", ".join(f"{s.name} [{s.unit}]" for s in model.states), ""),
@@ -128,5 +128,10 @@ def linearize(
         ("gain at rest", model.static_gain("throttle", "engine_speed"), "rad/s per deg"),
         ("right-most root", show_roots(point.roots.roots[:1]), "rad/s"),
         ("stable", "yes" if point.stable else f"no, {point.unstable_count} unstable roots", ""),
+        ("residual", found.residual, "1/s"),
+        *(
+            ("nearest limit", f"{m['argument']} = {m['at']:.6g}", f"{m['unit']}, {m['change']:+.4g} from here")
+            for m in record["limits"][:1]
+        ),
     ]
     shell.show(record, Facts(f"Linear model of {point.system} at {throttle:g} deg, {load:g} N m", rows), text_on=out)

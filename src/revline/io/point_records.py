@@ -1,6 +1,7 @@
 """Steady states and linear models about them as records for JSON and CSV, named as the engine's users name them."""
 
 from collections.abc import Mapping
+from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -137,14 +138,14 @@ def operating_range_record(found: OperatingRange) -> Mapping[str, object]:
     }
 
 
-def linearization_record(linearization: Linearization, trim: Trim) -> Mapping[str, object]:
+def linearization_record(linearization: Linearization, trim: Trim) -> Mapping[str, Any]:
     """Give an exact linear model about a steady state as a record: dx = A x + Bu u + Bz zd, y = Cy x + .., z = Cz x + ...
 
     Args:
         linearization: of an engine.
         trim: the steady state.
     """
-    model = linearization.model
+    model, limits = linearization.model, linearization.find_limits()
     blocks = {name: getattr(model, name) for name in ("A", "Bu", "Bz", "Cy", "Dyu", "Dyz", "Cz", "Dzu", "Dzz")}
     return {
         "schema": "revline.linearization/1",
@@ -158,7 +159,16 @@ def linearization_record(linearization: Linearization, trim: Trim) -> Mapping[st
         "operating_point": trim_record(trim, model),
         "residual": trim.residual,
         "stable": trim.stable,
-        "warnings": [str(kink) for kink in linearization.kinks],
+        "kinks": [
+            {"result": k.result, "argument": k.argument, "below": k.below, "above": k.above, "used": k.used, "side": k.side}
+            for k in linearization.kinks
+        ],
+        "limits": [
+            {"results": list(m.results), "argument": m.argument, "at": m.at, "change": m.change, "unit": m.unit, "share": m.share}
+            for m in limits
+        ],
+        **({"spectral_abscissa_rad_s": trim.roots.spectral_abscissa} if trim.roots.roots.size else {}),
+        "warnings": [*trim_warnings(trim), *linearization.warnings(limits)],
     }
 
 
