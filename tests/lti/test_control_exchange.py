@@ -109,6 +109,14 @@ def test_responses_go_and_come_with_their_delays_exact(control: Any, build: Buil
     assert again.frdata[0, 0].tolist() == single.values.tolist()
 
 
+@pytest.mark.parametrize(("lag", "order", "kept"), [(1.5, 1, True), (1.6, 1, False), (1.6, 4, True)])
+def test_an_approximant_that_changes_stability_says_so(build: Build, lag: float, order: int, kept: bool) -> None:  # noqa: FBT001 - a column of the table
+    """x' = -x(t - lag) is unstable from lag pi/2 on, with a first-order approximant from 2 on: roots of s^2 lag/2 + s (1 - lag/2) + 1."""
+    found = to_control(build([lag], A=0.0, Bu=1.0, Bz=-1.0, Cy=1.0, Cz=1.0), order=order, low=0.1, high=10.0)
+    assert found.unstable_roots == (2 if lag > 0.5 * math.pi else 0)
+    assert found.keeps_stability is kept
+
+
 def test_what_cannot_be_taken_is_refused(control: Any, build: Build) -> None:
     with pytest.raises(InvalidInputError, match=r"the model is discrete, with a period of 0\.01 s.*convert it to continuous time first"):
         state_space_from_control(control.tf([1.0], [1.0, 0.5], 0.01))

@@ -17,6 +17,7 @@ from scipy.linalg import matrix_balance
 from revline.errors import InvalidInputError, out_of_range
 from revline.lti.interconnection import append, feed_back, select, to_state_space
 from revline.lti.response import Floats, FrequencyResponse, check_frequencies
+from revline.lti.roots import axis_widths, characteristic_roots
 from revline.lti.state_space import DelayStateSpace, Signal, position
 from revline.lti.transfer_function import TransferFunction
 
@@ -40,6 +41,8 @@ class PadeConversion:
         max_relative_error: largest |approximate - exact| / |exact| of any input and output over the band.
         frequency: where, in rad/s.
         input_name, output_name: of which pair.
+        unstable_poles: of the approximate system, right of the imaginary axis.
+        unstable_roots: characteristic roots of the exact one there; the error over a band does not tell whether these agree.
     """
 
     system: Any
@@ -50,6 +53,13 @@ class PadeConversion:
     frequency: float
     input_name: str
     output_name: str
+    unstable_poles: int
+    unstable_roots: int
+
+    @property
+    def keeps_stability(self) -> bool:
+        """Whether both systems have as many unstable poles."""
+        return self.unstable_poles == self.unstable_roots
 
 
 def to_control(model: DelayStateSpace | TransferFunction, *, order: int, low: float, high: float) -> PadeConversion:
@@ -67,7 +77,7 @@ def to_control(model: DelayStateSpace | TransferFunction, *, order: int, low: fl
     Raises:
         InvalidInputError: python-control is not installed, the order or the band cannot be used, the exact model is zero throughout the
             band, the transfer function is not proper, or delays that feed one another make an algebraic loop when they are approximated.
-        AnalysisError: a pole lies at a frequency of the band.
+        AnalysisError: a pole lies at a frequency of the band, or the exact model's unstable roots cannot be counted.
 
     Source:
         Golub and Van Loan (2013), Matrix Computations, section 9.3 (diagonal Pade approximants of the exponential).
@@ -82,6 +92,7 @@ def to_control(model: DelayStateSpace | TransferFunction, *, order: int, low: fl
         to_state_space(model, input_name=model.input_name, output_name=model.output_name) if isinstance(model, TransferFunction) else model
     )
     rational = approximate_lags(exact, order)
+    poles = np.linalg.eigvals(rational.A).astype(complex)
     error, frequency, row, column = _largest_error(exact, rational, low, high)
     system = control.StateSpace(
         rational.A,
@@ -103,6 +114,8 @@ def to_control(model: DelayStateSpace | TransferFunction, *, order: int, low: fl
         frequency=frequency,
         input_name=exact.inputs[column].name,
         output_name=exact.outputs[row].name,
+        unstable_poles=int(np.sum(poles.real > axis_widths(poles))),
+        unstable_roots=characteristic_roots(exact).unstable_count,
     )
 
 
