@@ -257,6 +257,12 @@ def test_what_is_refused(times: list[float], options: dict[str, object], message
         step_response(rational([1.0], [1.0, 1.0]), times, **({"input_name": "input"} | options))  # type: ignore[arg-type]  # wrong on purpose
 
 
+@pytest.mark.parametrize("until", [0.0, -1.0, math.inf, math.nan])
+def test_records_without_length_are_refused(until: float) -> None:
+    with pytest.raises(InvalidInputError, match=r"end of the record = .* s is outside 0 to infinity"):
+        time_response.sample_times(until, 10)
+
+
 def test_answers_out_of_bounds_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InvalidInputError, match=r"the response exceeds the range of numbers after 7\d\d\.?\d* s; ask for earlier times"):
         step_response(rational([1.0], [-1.0, 1.0]), [1000.0], input_name="input")

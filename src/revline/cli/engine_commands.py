@@ -1,6 +1,7 @@
 """Commands about engines at rest: engines, trim, linearize."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -107,6 +108,10 @@ def linearize(
         float | None,
         typer.Option("--roots-right-of", metavar="RAD_S", help="List all roots with a larger real part [rad/s], their number proven."),
     ] = None,
+    step: Annotated[
+        Path | None, typer.Option("--step", metavar="FILE.csv", help="Write how all outputs answer a unit step of the throttle, exactly.")
+    ] = None,
+    until: Annotated[float, typer.Option("--until", metavar="S", help="Time that --step covers [s], in 1000 intervals.")] = 5.0,
     out: OutOption = None,
     json: JsonOption = False,
     quiet: QuietOption = False,
@@ -123,11 +128,12 @@ def linearize(
 
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "linear model")
+    shell.prepare(step, "step response")
     plant = load_engine(engine)
     point = find_trim(plant, inputs={"throttle": throttle, "load_torque": load})
     found = linearize_system(plant, point)
     listed = _list_roots(found.model, roots, roots_right_of)
-    record = {**linearization_record(found, point), **listed}
+    record = {**linearization_record(found, point), **listed, **_write_step(shell, step, found.model, until)}
     shell.write(out, format_json(record), "linear model")
     shell.warn(*record["warnings"])
     model = found.model
@@ -160,3 +166,15 @@ def _list_roots(model: "DelayStateSpace", count: int | None, right_of: float | N
     if count is not None:
         return roots_record(characteristic_roots(model, count=count))
     return region_roots_record(find_roots_in(model, Region(left=right_of))) if right_of is not None else {}
+
+
+def _write_step(shell: Shell, path: Path | None, model: "DelayStateSpace", until: float) -> Mapping[str, Any]:
+    """Write the step response where a file is named, and give its summary as a record."""
+    from revline.io.step_records import STEP_INTERVALS, format_step, step_record
+    from revline.lti.time_response import sample_times, step_response
+
+    if path is None:
+        return {}
+    found = step_response(model, sample_times(until, STEP_INTERVALS), input_name="throttle")
+    shell.write(path, format_step(found), "step response")
+    return {"step": step_record(found)}

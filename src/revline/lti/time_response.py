@@ -89,6 +89,21 @@ class TimeResponse:
         return values
 
 
+def sample_times(until: float, intervals: int) -> Floats:
+    """Give even times from 0 on.
+
+    Args:
+        until: the last, in s.
+        intervals: between them.
+
+    Raises:
+        InvalidInputError: the last is not above 0 or not finite.
+    """
+    if not 0.0 < until < math.inf:
+        raise out_of_range("end of the record", until, "s", "0 to infinity, without the ends", "give a time above 0")
+    return np.linspace(0.0, until, intervals + 1)
+
+
 def step_response(system: DelayStateSpace, times: ArrayLike, *, input_name: str, tolerance: float = TOLERANCE) -> TimeResponse:
     """Find how all outputs answer a unit step on one input at time 0, the delays as they are.
 
