@@ -187,7 +187,7 @@ def test_roots_are_listed_by_number_or_right_of_a_line(revline: Command) -> None
 
 def test_a_step_of_the_linear_model_is_written(revline: Command, tmp_path: Path) -> None:
     path = tmp_path / "step.csv"
-    done = revline("linearize", "--throttle", 25, "--step", path, "--until", 4.0, "--json")
+    done = revline("linearize", "--throttle", 25, "--step-out", path, "--until", 4.0, "--json")
     record = json.loads(done.out)["step"]
     assert record["final"]["engine_speed"] == pytest.approx(12.0294, abs=5e-3)
     assert record["errors"]["engine_speed"] < 1e-9
@@ -195,4 +195,4 @@ def test_a_step_of_the_linear_model_is_written(revline: Command, tmp_path: Path)
     assert lines[0].startswith("time_s,engine_speed_rad_s,")
     assert len(lines) == 1002
     assert float(lines[-1].split(",")[1]) == record["final"]["engine_speed"]
-    assert revline("linearize", "--throttle", 25, "--step", path, "--until", 0).status == 2
+    assert revline("linearize", "--throttle", 25, "--step-out", path, "--until", 0).status == 2

@@ -109,9 +109,10 @@ def linearize(
         typer.Option("--roots-right-of", metavar="RAD_S", help="List all roots with a larger real part [rad/s], their number proven."),
     ] = None,
     step: Annotated[
-        Path | None, typer.Option("--step", metavar="FILE.csv", help="Write how all outputs answer a unit step of the throttle, exactly.")
+        Path | None,
+        typer.Option("--step-out", metavar="FILE.csv", help="Write how all outputs answer a throttle step of 1 deg, delays exact."),
     ] = None,
-    until: Annotated[float, typer.Option("--until", metavar="S", help="Time that --step covers [s], in 1000 intervals.")] = 5.0,
+    until: Annotated[float, typer.Option("--until", metavar="S", help="Time that --step-out covers [s], in 1000 intervals.")] = 5.0,
     out: OutOption = None,
     json: JsonOption = False,
     quiet: QuietOption = False,
