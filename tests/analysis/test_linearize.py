@@ -1,5 +1,6 @@
 """Exact linearisation: derivatives, lags by their value alone, kinks, and the engine's published small-signal numbers."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -161,6 +162,17 @@ def test_point_without_derivative_is_refused(linear: DelaySystem) -> None:
 
     with pytest.raises(InvalidInputError, match=r"block Cy holds (nan|inf) in row 0, column 0"):
         linearize(replace(linear, output=vast), at((0.0,), (0.0,), (0.0,)))
+
+
+@pytest.mark.parametrize(("lag", "words"), [(-1.0, "-1"), (0.0, "0"), (math.inf, "inf"), (math.nan, "nan")])
+def test_a_lag_that_is_none_is_refused(linear: DelaySystem, lag: float, words: str) -> None:
+    def lags(p: object, x: tuple[float], u: tuple[float], zd: tuple[float]) -> tuple[float]:  # noqa: ARG001 - the form of all equations
+        return (lag + 0.0 * x[0],)
+
+    with pytest.raises(
+        InvalidInputError, match=rf"lag of echo = {words} s is outside 0 to infinity, without the ends; give a positive lag"
+    ):
+        linearize(replace(linear, lags=lags), at((0.0,), (0.0,), (0.0,)))
 
 
 def test_units_of_rates_and_ranges() -> None:

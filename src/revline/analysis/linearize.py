@@ -4,19 +4,28 @@ A lag may depend on the state. At a steady state what travels in a channel does 
 later makes no first-order difference: the lag contributes its value alone, and only rate, output and emit are differentiated.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
 from revline.analysis.jacobians import Jacobians, Matrix, evaluate, find_jacobians
+from revline.analysis.limits import Limit, find_limits
 from revline.equations import Equation
 from revline.errors import InvalidInputError
 from revline.lti.state_space import DelayStateSpace, Signal
 from revline.system import DelaySystem, Floats, Variable
+from revline.values import make_read_only
 
 DRIFT_LIMIT = 1e-8
 """Largest drift of a state at rest, per second, as a fraction of its search range."""
+
+RESIDUAL_REMARK = 1e-10
+"""A drift that is allowed but larger than this, in the same measure, is remarked upon: Newton's method leaves far less."""
+
+NEAR = 0.01
+"""A limit nearer than this part of an argument's range is remarked upon."""
 
 KINK_STEPS = (1e-4, 1e-5)
 """Steps of one-sided differences, as fractions of a variable's range."""
@@ -67,20 +76,60 @@ class Kink:
         if self.below == self.above == self.used == 0.0:
             return f"{self.result} does not answer to {self.argument} here: a limit is active"
         sides = f"slope {self.below:g} below, {self.above:g} above"
-        return f"{self.result} has a kink in {self.argument} here: {sides}; the model has {self.used:g}"
+        whose = {"below": ", which holds below alone", "above": ", which holds above alone"}.get(self.side, ", which is neither")
+        return f"{self.result} has a kink in {self.argument} here: {sides}; the model has {self.used:g}{whose}"
+
+    @property
+    def side(self) -> Literal["below", "above", "both", "neither"]:
+        """For which changes of the argument the linear model's derivative holds."""
+        size = max(abs(self.below), abs(self.above))
+        low, high = (abs(self.used - slope) <= KINK_TOLERANCE * size for slope in (self.below, self.above))
+        return ("both" if high else "below") if low else ("above" if high else "neither")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Linearization:
     """A linear model about a steady state, with what limits its validity.
 
+    A derivative at a kink holds on one side alone; `Kink.side` tells which, and `warnings` says so.
+
     Attributes:
         model: linear system with the delays exact.
         kinks: limits that are active, or just reached, at the point.
+        system: what was linearised.
+        arguments: states, inputs and channel readings at the point.
+        residual: largest drift of a state at the point, per second, as a part of its search range.
+        other_points: how many other steady states are known for the same inputs.
     """
 
     model: DelayStateSpace
     kinks: tuple[Kink, ...]
+    system: DelaySystem
+    arguments: Floats
+    residual: float
+    other_points: int
+
+    def __post_init__(self) -> None:
+        make_read_only(self)
+
+    def find_limits(self) -> tuple[Limit, ...]:
+        """Find all limits that the equations have, with their distance from the point, the nearest first; takes some 20 ms."""
+        return find_limits(self.system, self.arguments, _spans(self.system, self.arguments))
+
+    def warnings(self, limits: Sequence[Limit]) -> tuple[str, ...]:
+        """Say what limits the model's validity: kinks, limits near by, a drift, other steady states.
+
+        Args:
+            limits: those of `find_limits`.
+        """
+        kinked = {kink.argument for kink in self.kinks}
+        found = [str(kink) for kink in self.kinks]
+        found += [str(limit) for limit in limits if limit.share <= NEAR and limit.argument not in kinked]
+        if self.residual > RESIDUAL_REMARK:
+            found.append(f"the point drifts by {self.residual:.3g} of a state's range per second; refine it (limit {DRIFT_LIMIT:g})")
+        if self.other_points:
+            found.append(f"one of {self.other_points + 1} steady states known for these inputs; the model holds about this one alone")
+        return tuple(found)
 
 
 def linearize(system: DelaySystem, point: SteadyState) -> Linearization:
@@ -100,10 +149,17 @@ def linearize(system: DelaySystem, point: SteadyState) -> Linearization:
         Complex step: Squire and Trapp (1998), SIAM Review 40(1), 110-112. State-dependent lags at a steady state: Cooke and Huang
         (1996), Proceedings of the AMS 124(5), 1417-1426.
     """
-    check_steady(system, point)
+    residual = check_steady(system, point)
     jacobians = find_jacobians(system, point.states, point.inputs, point.channels)
     lags = evaluate(system, system.lags, point.states, point.inputs, point.channels)
-    return Linearization(model=build_model(system, jacobians, lags), kinks=find_kinks(system, point, jacobians))
+    return Linearization(
+        model=build_model(system, jacobians, lags),
+        kinks=find_kinks(system, point, jacobians),
+        system=system,
+        arguments=np.concatenate((point.states, point.inputs, point.channels)),
+        residual=residual,
+        other_points=len(getattr(point, "alternatives", ())),
+    )
 
 
 def build_model(system: DelaySystem, jacobians: Jacobians, lags: Floats) -> DelayStateSpace:
@@ -130,8 +186,11 @@ def build_model(system: DelaySystem, jacobians: Jacobians, lags: Floats) -> Dela
     )
 
 
-def check_steady(system: DelaySystem, point: SteadyState) -> None:
+def check_steady(system: DelaySystem, point: SteadyState) -> float:
     """Refuse a point at which a state or a channel changes.
+
+    Returns:
+        Largest drift of a state, per second, as a part of its search range.
 
     Raises:
         InvalidInputError: names what changes, how fast, and the limit; or the signals that the point does not fit.
@@ -157,6 +216,8 @@ def check_steady(system: DelaySystem, point: SteadyState) -> None:
             readings = f"reads {old:g} {variable.unit} where {new:g} {variable.unit} enters"
             message = f"no steady state: channel {variable.name} {readings}; find one with find_trim()"
             raise InvalidInputError(message, quantity=variable.name, reading=float(old), entering=float(new))
+    scales = np.array([search_scale(variable) for variable in system.states])
+    return float(np.max(np.abs(drift) / scales, initial=0.0))
 
 
 def search_scale(variable: Variable) -> float:
@@ -209,7 +270,7 @@ def find_kinks(system: DelaySystem, point: SteadyState, jacobians: Jacobians) ->
 
 def _one_sided(system: DelaySystem, function: Equation, point: SteadyState, exact: Matrix) -> tuple[Matrix, Matrix, Matrix]:
     """Slopes below and above over (results, arguments), and where a limit makes them flat or different."""
-    spans = np.array([search_scale(v) for v in (*system.states, *system.inputs)] + [abs(z) or 1.0 for z in point.channels])
+    spans = _spans(system, np.concatenate((point.states, point.inputs, point.channels)))
     coarse, fine = (_differences(system, function, point, fraction * spans) for fraction in KINK_STEPS)
     wide, narrow = (np.abs(above - below) for below, above in (coarse, fine))
     below, above = fine
@@ -219,6 +280,12 @@ def _one_sided(system: DelaySystem, function: Equation, point: SteadyState, exac
     kinked = ~((narrow <= 0.5 * wide) | (narrow * spans <= KINK_TOLERANCE * rise) | (narrow * spans <= NOISE * steepest))
     flat = (coarse[0] == 0.0) & (coarse[1] == 0.0) & (exact == 0.0)
     return below, above, kinked | flat
+
+
+def _spans(system: DelaySystem, arguments: Floats) -> Floats:
+    """Ranges of states, inputs and channel readings."""
+    moved = (*system.states, *system.inputs)
+    return np.array([search_scale(v) for v in moved] + [abs(z) or 1.0 for z in arguments[len(moved) :]])
 
 
 def _differences(system: DelaySystem, function: Equation, point: SteadyState, steps: Floats) -> tuple[Matrix, Matrix]:
