@@ -36,17 +36,28 @@ SHORTEST_RISE = 2.0**-9
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Drive:
-    """What drives orbits: the input at a position carries a sinusoid about a trim, at frequencies in rad/s."""
+    """What drives orbits: the input at a position carries sinusoids about a trim.
+
+    Attributes:
+        trim: where.
+        position: of the input.
+        amplitude: of each sinusoid, in the input's unit, shape (n,).
+        omega: frequencies in rad/s, shape (n,).
+    """
 
     trim: Trim
     position: int
-    amplitude: float
+    amplitude: Floats
     omega: Floats
+
+    def take(self, which: NDArray[np.int64] | NDArray[np.bool_]) -> "Drive":
+        """Give some of the sinusoids."""
+        return replace(self, amplitude=self.amplitude[which], omega=self.omega[which])
 
     def inputs(self, mesh: Collocation, part: float = 1.0) -> Floats:
         """Samples of all inputs over a period, with a part of the amplitude; shape (n, N, n_inputs)."""
         values = np.tile(self.trim.inputs, (self.omega.size, mesh.count, 1))
-        values[:, :, self.position] += part * self.amplitude * np.sin(mesh.phases)
+        values[:, :, self.position] += part * self.amplitude[:, None] * np.sin(mesh.phases)
         return values
 
 
@@ -71,7 +82,7 @@ def linear_orbits(drive: Drive, model: DelayStateSpace, mesh: Collocation) -> Or
     """Give the linear model's answer as samples."""
     states, readings = linear_answers(model, drive.position, drive.omega)
     # The real part of -j a exp(j phase) is a sin(phase).
-    wave = -1j * drive.amplitude * np.exp(1j * mesh.phases)[None, :, None]
+    wave = -1j * drive.amplitude[:, None, None] * np.exp(1j * mesh.phases)[None, :, None]
     return Orbits(
         omega=drive.omega,
         inputs=drive.inputs(mesh),
@@ -96,19 +107,19 @@ def linear_answers(model: DelayStateSpace, position: int, omega: Floats) -> tupl
     return both[:, :n_states], both[:, n_states:]
 
 
-def solve_orbits(equations: OrbitEquations, start: Orbits, *, tolerance: float) -> Solved:
+def solve_orbits(equations: OrbitEquations, start: Orbits, *, tolerance: float, solver: NewtonSolver | None = None) -> Solved:
     """Improve orbits until each fulfils its equations, or its steps lead nowhere.
 
     Args:
         equations: of the system, on the mesh of the orbits.
         start: approximate orbits.
         tolerance: largest last step of an orbit that is found, as a part of a state's swing.
+        solver: of the equations linearised about the start, if there is one already.
     """
     n = start.omega.size
     orbits, found, last_step, steps = start, np.zeros(n, dtype=bool), np.full(n, np.inf), np.zeros(n, dtype=int)
     active = np.arange(n)
-    solver: NewtonSolver | None = None
-    change = Change.none(start)
+    change = Change.none(start) if solver is None else Change(*solver.step(equations.misses(start)))
     while active.size:
         part = orbits.take(active)
         if solver is None:
@@ -157,6 +168,12 @@ def follow_amplitude(equations: OrbitEquations, drive: Drive, *, tolerance: floa
         else:
             rise *= 0.5
     return solved, reached
+
+
+def smallest_step(orbits: Orbits, scales: Floats, tolerance: float) -> Floats:
+    """Step below which an orbit counts as found: the tolerance, or what rounding leaves; as a part of the states' scales, shape (n,)."""
+    found: Floats = np.max(np.maximum(tolerance, ROUNDING * np.max(np.abs(orbits.states), axis=1) / scales), axis=1)
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,7 +227,7 @@ class _Trial:
 def _try_steps(equations: OrbitEquations, solver: NewtonSolver, orbits: Orbits, change: Change, tolerance: float) -> _Trial:
     """Make a step of each orbit, shortened until the one that would follow is smaller."""
     scales = equations.scales(orbits)
-    smallest = np.max(np.maximum(tolerance, ROUNDING * np.max(np.abs(orbits.states), axis=1) / scales), axis=1)
+    smallest = smallest_step(orbits, scales, tolerance)
     before = change.size(scales)
     part = np.ones(before.size)
     while True:
