@@ -8,7 +8,7 @@ This is a linear fractional form: a system without memory of its own about the d
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -85,9 +85,8 @@ class DelayStateSpace:
         """
         return self._transfer(np.asarray(s, dtype=complex), slice(None), slice(None))
 
-    def _transfer(self, points: Complexes, outputs: slice, inputs: slice) -> Complexes:
+    def _transfer(self, points: NDArray[Any], outputs: slice, inputs: slice) -> Complexes:
         """Evaluate some rows and columns of the transfer matrix."""
-        unknown = len(self.states)
         characteristic, forcing = self.characteristic(points), self._forcing(points, inputs)
         try:
             inner = np.linalg.solve(characteristic, forcing)
@@ -116,7 +115,7 @@ class DelayStateSpace:
         matrix[..., unknown:, unknown:] = np.eye(readings) - decay * self.Dzz
         return matrix
 
-    def _forcing(self, points: Complexes, inputs: slice) -> Complexes:
+    def _forcing(self, points: NDArray[Any], inputs: slice) -> Complexes:
         decay = np.exp(-points[..., None, None] * self.lags[:, None])
         direct = np.broadcast_to(self.Bu[:, inputs], (*points.shape, *self.Bu[:, inputs].shape))
         return np.concatenate((direct, decay * self.Dzu[:, inputs]), axis=-2)
