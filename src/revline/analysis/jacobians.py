@@ -34,6 +34,10 @@ class Jacobians:
     Dzu: Floats
     Dzz: Floats
 
+    def at(self, point: int) -> "Jacobians":
+        """Give those at one of the points."""
+        return Jacobians(**{name: getattr(self, name)[point] for name in ("A", "Bu", "Bz", "Cy", "Dyu", "Dyz", "Cz", "Dzu", "Dzz")})
+
 
 def evaluate(system: DelaySystem, function: Equation, x: Matrix, u: Matrix, zd: Matrix) -> Matrix:
     """Evaluate one of a system's equations at many points.
