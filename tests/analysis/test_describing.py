@@ -98,9 +98,9 @@ def test_the_amplitude_at_a_limit_is_the_closed_form_s() -> None:
     wanted = np.sqrt(0.04 / 0.96 / (0.75 * 0.3)) / (2.0 / np.hypot(2.0, OMEGA))
     for entry, amplitude in zip(found.ranges, wanted, strict=True):
         assert isinstance(entry, HoldsUpTo)
-        assert entry.amplitude == pytest.approx(amplitude, rel=1e-5)
+        assert entry.amplitude == pytest.approx(amplitude, rel=1e-6)
         assert entry.reached == "error"
-        assert entry.error == pytest.approx(0.04, rel=2e-5)
+        assert entry.error == pytest.approx(0.04, rel=2e-6)
         assert np.min(np.abs(found.grid.amplitudes - amplitude)) > 1e-3  # it is no point of the grid
     assert found.narrowest.omega == 0.3
 

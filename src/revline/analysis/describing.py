@@ -31,7 +31,7 @@ from revline.values import make_read_only
 LADDER = (0.01, 0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 """Amplitudes where none are given, as parts of the largest that the input's limits allow."""
 
-FINE_ENOUGH = BalanceSettings(tolerance=1e-6, most_harmonics=128)
+FINE_ENOUGH = BalanceSettings(tolerance=1e-7, most_harmonics=128)
 """How finely cells are resolved where nothing else is asked for; one that needs more harmonics states its larger error."""
 
 

@@ -19,7 +19,7 @@ from revline.system import DelaySystem, Floats
 Mask = NDArray[np.bool_]
 Positions = NDArray[np.int64] | Mask
 
-ROOT_TOLERANCE = 1e-5
+ROOT_TOLERANCE = 1e-6
 """How near to its limit the error is at an amplitude that was found, as a part of the limit; or the width of the last interval."""
 
 EDGE_TOLERANCE = 0.01

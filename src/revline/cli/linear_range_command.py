@@ -66,8 +66,7 @@ def linear_range(
     _check_cells(cells, out)
     shell.prepare(cells, "describing functions")
     limits = _limits(within, distortion_within)
-    omega = parse_numbers(frequencies, "--frequencies")
-    ladder = None if amplitudes is None else parse_numbers(amplitudes, "--amplitudes")
+    omega, ladder = parse_numbers(frequencies, "--frequencies"), amplitudes and parse_numbers(amplitudes, "--amplitudes")
     system = load_engine(engine)
     trim = find_trim(system, inputs={"throttle": throttle, "load_torque": load})
     with shell.progress("amplitudes") as progress:
@@ -79,9 +78,7 @@ def linear_range(
     shell.write(out, format_json(record) if as_json else format_ranges(found, {**place, "within": limits.error}), "ranges")
     shell.write(cells, format_cells(found.grid, place), "describing functions")
     shell.warn(*warnings)
-    title = f"{engine} at {throttle:g} deg, {load:g} N m: the linear model holds within {within:g} % up to"
-    narrowest = f"narrowest: {found.narrowest.amplitude:.4g} deg at {found.narrowest.omega:.4g} rad/s"
-    shell.show(record, _table(title, found), narrowest, text_on=out)
+    shell.show(record, *_for_people(f"{engine} at {throttle:g} deg, {load:g} N m", found), text_on=out)
 
 
 def _check_cells(cells: Path | None, out: Path | None) -> None:
@@ -116,11 +113,13 @@ def _warnings(found: "LinearRanges") -> list[str]:
     return warnings
 
 
-def _table(title: str, found: "LinearRanges") -> Grid:
+def _for_people(place: str, found: "LinearRanges") -> tuple[Grid, str]:
     from revline.io.linear_range_records import ended_by
 
     rows = [
         (entry.omega, entry.amplitude, f"{100.0 * entry.error:.3g}", f"{100.0 * entry.distortion:.3g}", WORDS[ended_by(entry)])
         for entry in found.ranges
     ]
-    return Grid(title, ("frequency [rad/s]", "amplitude [deg]", "error there [%]", "distortion there [%]", "why"), rows)
+    title = f"{place}: the linear model holds within {100.0 * found.limits.error:g} % up to"
+    narrowest = f"narrowest: {found.narrowest.amplitude:.4g} deg at {found.narrowest.omega:.4g} rad/s"
+    return Grid(title, ("frequency [rad/s]", "amplitude [deg]", "error there [%]", "distortion there [%]", "why"), rows), narrowest
