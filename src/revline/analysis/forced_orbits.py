@@ -9,10 +9,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from revline.analysis.collocation import Collocation, collocation, refine
+from revline.analysis.collocation import Collocation, collocation
 from revline.analysis.jacobians import evaluate
 from revline.analysis.orbit_equations import OrbitEquations, Orbits, Positions
-from revline.analysis.orbit_levels import LevelSolver, approach, make_level_solver
+from revline.analysis.orbit_levels import LevelSolver, approach, make_level_solver, transfer_between
 from revline.analysis.orbit_newton import follow_amplitude, linear_orbits, solve_orbits
 from revline.analysis.orbit_refusals import ForcedCase, Refusals, no_fundamental, not_found, refuse_orbits
 from revline.lti.response import Complexes
@@ -22,7 +22,7 @@ from revline.values import make_read_only
 FORETELLING_HARMONICS = 4
 """Highest harmonic of the orbits from which the first try starts."""
 
-FORETELLING_STEP = 1e-3
+FORETELLING_STEP = 3e-3
 """Last step of those: what their missing harmonics do is larger."""
 
 FIRST_HARMONICS = 8
@@ -169,7 +169,7 @@ def _foretell(case: ForcedCase, mesh: Collocation, start: Start) -> _Ahead:
         return _Ahead(start(mesh), None)
     first = start(coarse)
     solver = equations.linearise(first).solver()
-    solved = solve_orbits(equations, first, tolerance=FORETELLING_STEP, solver=solver)
+    solved = approach(equations, first, solver, tolerance=FORETELLING_STEP)
     foretold = _refined(case, coarse, mesh, solved.orbits)
     if not np.all(solved.found):
         foretold = foretold.with_part(~solved.found, start(mesh).take(~solved.found))
@@ -186,8 +186,8 @@ def _double(case: ForcedCase, mesh: Collocation, orbits: Orbits) -> _Ahead:
 
 
 def _refined(case: ForcedCase, coarse: Collocation, fine: Collocation, orbits: Orbits) -> Orbits:
-    states, readings = refine(orbits.states, coarse, fine), refine(orbits.readings, coarse, fine)
-    return Orbits(omega=orbits.omega, inputs=case.drive.inputs(fine), states=states, readings=readings)
+    prolong = transfer_between(coarse.harmonics, fine.harmonics).prolong
+    return Orbits(omega=orbits.omega, inputs=case.drive.inputs(fine), states=prolong @ orbits.states, readings=prolong @ orbits.readings)
 
 
 def _find(case: ForcedCase, mesh: Collocation, ahead: _Ahead) -> tuple[Orbits, Floats, Refusals]:

@@ -8,7 +8,7 @@ Source: the two-level idea is that of the multigrid correction, Hackbusch (1985)
 """
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -84,7 +84,7 @@ class LevelSolver:
         """Give the solver of some of the orbits."""
         return LevelSolver(coarse=self.coarse.take(which), transfer=self.transfer, answers=self.answers[which])
 
-    def step(self, misses: Misses) -> Change:
+    def step(self, misses: Misses) -> tuple[Floats, Floats]:
         """Find changes that mend the misses of the states' equations approximately, those of the readings being none."""
         low = self.transfer.restrict @ misses.states
         states, readings = self.coarse.step(
@@ -93,10 +93,7 @@ class LevelSolver:
         high = self.answers @ (self.transfer.analysis @ misses.states)[..., None]
         added = (self.transfer.waves @ high[..., 0]).real
         n_states = states.shape[2]
-        return Change(
-            states=self.transfer.prolong @ states - added[..., :n_states],
-            readings=self.transfer.prolong @ readings - added[..., n_states:],
-        )
+        return self.transfer.prolong @ states - added[..., :n_states], self.transfer.prolong @ readings - added[..., n_states:]
 
 
 def make_level_solver(coarse: NewtonSolver, model: DelayStateSpace, omega: Floats, meshes: tuple[Collocation, Collocation]) -> LevelSolver:
@@ -107,38 +104,43 @@ def make_level_solver(coarse: NewtonSolver, model: DelayStateSpace, omega: Float
     return LevelSolver(coarse=coarse, transfer=transfer, answers=invert_each(characteristic)[..., :n_states])
 
 
-def approach(equations: OrbitEquations, start: Orbits, solver: LevelSolver, *, tolerance: float) -> Solved:
+def approach(equations: OrbitEquations, start: Orbits, solver: LevelSolver | NewtonSolver, *, tolerance: float) -> Solved:
     """Improve orbits as long as each step is much smaller than the one before.
 
     At least two steps are made, so that it is known how fast they shrink, and with it how large the error is that is left.
 
     Args:
-        equations: on the fine mesh, of a system whose readings follow from states and inputs alone.
-        start: approximate orbits on that mesh.
-        solver: for its steps.
+        equations: on the mesh of the orbits, of a system whose readings follow from states and inputs alone.
+        start: approximate orbits.
+        solver: for its steps; it is kept.
         tolerance: largest error left of an orbit that is found, as a part of a state's swing, judged by the last two steps.
 
     Returns:
         Orbits; those that were not found are as their last step that shrank left them.
     """
     n = start.omega.size
-    found, last_step, steps, active = np.zeros(n, dtype=bool), np.full(n, np.inf), np.zeros(n, dtype=int), np.arange(n)
-    orbits, scales = start, equations.scales(start)
+    found, last_step, steps = np.zeros(n, dtype=bool), np.full(n, np.inf), np.zeros(n, dtype=int)
+    orbits = replace(start, states=start.states.copy(), readings=start.readings.copy())
+    scales = equations.scales(start)
     largest, rounded = smallest_step(start, scales, tolerance), smallest_step(start, scales, ROUNDED * tolerance)
-    while active.size:
-        part, misses = equations.settle(orbits.take(active))
-        change = solver.step(misses)
-        size = change.size(scales[active])
+    rows, part, made, before = np.arange(n), start, 0, last_step
+    while rows.size:
+        settled, misses = equations.settle(part)
+        change = Change(*solver.step(misses))
+        size = change.size(scales)
+        made += 1
         with np.errstate(invalid="ignore"):
-            ratio = size / last_step[active]
+            ratio = size / before
             left = np.where(ratio < 1.0, size * ratio / (1.0 - ratio), np.inf)
-        done = ((size <= rounded[active]) | (left <= largest[active])) & (steps[active] > 0)
+        done = ((size <= rounded) | (left <= largest)) & (made > 1)
         shrinks = done | (np.isfinite(size) & ~(ratio > SHRINKING))
-        orbits = orbits.with_part(active[shrinks], change.added_to(part, np.ones(active.size)).take(shrinks))
-        steps[active] += 1
-        last_step[active], found[active] = size, done
-        stay = shrinks & ~done & (steps[active] < MOST_STEPS)
-        if np.all(stay):
-            continue
-        active, solver = active[stay], solver.take(stay)
+        stay = shrinks & ~done & (made < MOST_STEPS)
+        moved = replace(settled, states=settled.states + change.states, readings=settled.readings + change.readings)
+        if not np.all(stay):
+            for kept, samples in ((~stay & shrinks, moved), (~shrinks, part)):
+                orbits.states[rows[kept]], orbits.readings[rows[kept]] = samples.states[kept], samples.readings[kept]
+            found[rows], last_step[rows], steps[rows] = done, size, made
+            rows, moved, solver, size = rows[stay], moved.take(stay), solver.take(stay), size[stay]
+            scales, largest, rounded = scales[stay], largest[stay], rounded[stay]
+        part, before = moved, size
     return Solved(orbits=orbits, found=found, last_step=last_step, steps=steps)

@@ -107,19 +107,19 @@ def linear_answers(model: DelayStateSpace, position: int, omega: Floats) -> tupl
     return both[:, :n_states], both[:, n_states:]
 
 
-def solve_orbits(equations: OrbitEquations, start: Orbits, *, tolerance: float, solver: NewtonSolver | None = None) -> Solved:
+def solve_orbits(equations: OrbitEquations, start: Orbits, *, tolerance: float) -> Solved:
     """Improve orbits until each fulfils its equations, or its steps lead nowhere.
 
     Args:
         equations: of the system, on the mesh of the orbits.
         start: approximate orbits.
         tolerance: largest last step of an orbit that is found, as a part of a state's swing.
-        solver: of the equations linearised about the start, if there is one already.
     """
     n = start.omega.size
     orbits, found, last_step, steps = start, np.zeros(n, dtype=bool), np.full(n, np.inf), np.zeros(n, dtype=int)
     active = np.arange(n)
-    change = Change.none(start) if solver is None else Change(*solver.step(equations.misses(start)))
+    solver: NewtonSolver | None = None
+    change = Change.none(start)
     while active.size:
         part = orbits.take(active)
         if solver is None:

@@ -40,7 +40,7 @@ class ForcedCase:
     @property
     def step_tolerance(self) -> float:
         """Largest last step of an orbit that is found: the error left is smaller still."""
-        return min(1e-5, max(1e-11, 0.3 * self.tolerance))
+        return min(1e-5, max(1e-11, 0.5 * self.tolerance))
 
 
 def refuse_orbits(case: ForcedCase, mesh: Collocation, orbits: Orbits) -> Refusals:
