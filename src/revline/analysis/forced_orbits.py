@@ -124,7 +124,7 @@ def find_orbits(case: ForcedCase, start: Start | None = None) -> ForcedOrbits:
         rows, orbits, answers = rows[kept], orbits.take(kept), answers.take(kept)
         found.last_step[rows], found.highest[rows] = last_step[kept], mesh.harmonics
         rough = _keep(found, rows, answers, case.tolerance) & (2 * mesh.harmonics <= case.most_harmonics)
-        found.batches.append(_batch(case, mesh, orbits.take(~rough), rows[~rough]))
+        found.batches.append(_batch(mesh, orbits.take(~rough), answers.outputs[~rough], rows[~rough]))
         rows, orbits = rows[rough], orbits.take(rough)
         if rows.size:
             ahead, mesh = _double(_take(case, rows), mesh, orbits), collocation(2 * mesh.harmonics)
@@ -147,14 +147,16 @@ class _Answers:
         value: fundamental over the input.
         sizes: its mean, and amplitudes of its harmonics from the first on, shape (n, H + 1).
         tail: largest of the last two harmonics of states and output, by their fundamentals.
+        outputs: samples of all outputs, shape (n, N, n_outputs).
     """
 
     value: Complexes
     sizes: Floats
     tail: Floats
+    outputs: Floats
 
     def take(self, which: Positions) -> "_Answers":
-        return _Answers(self.value[which], self.sizes[which], self.tail[which])
+        return _Answers(self.value[which], self.sizes[which], self.tail[which], self.outputs[which])
 
 
 def _take(case: ForcedCase, which: Positions) -> ForcedCase:
@@ -212,7 +214,8 @@ def _find(case: ForcedCase, mesh: Collocation, ahead: _Ahead) -> tuple[Orbits, F
 
 def _read(case: ForcedCase, mesh: Collocation, orbits: Orbits) -> tuple[_Answers, Refusals]:
     """Read the watched output of orbits, and judge their resolution."""
-    watched = _outputs(case, orbits)[..., [index_of(case.system.outputs, case.excitation.output_name)]]
+    outputs = evaluate(case.system, case.system.output, orbits.states, orbits.inputs, orbits.readings)
+    watched = outputs[..., [index_of(case.system.outputs, case.excitation.output_name)]]
     harmonics = mesh.coefficients(np.concatenate((watched, orbits.states), axis=2))
     sizes = np.abs(harmonics)
     silent = sizes[:, 1] <= NO_ANSWER * np.max(sizes, axis=1)
@@ -220,11 +223,7 @@ def _read(case: ForcedCase, mesh: Collocation, orbits: Orbits) -> tuple[_Answers
     tail = np.max(np.where(silent, 0.0, last / np.where(silent, 1.0, sizes[:, 1])), axis=1)
     sizes[:, 0] = harmonics[:, 0].real
     refusals = {int(row): no_fundamental(case, int(row)) for row in np.flatnonzero(silent[:, 0])}
-    return _Answers(value=1j * harmonics[:, 1, 0] / case.drive.amplitude, sizes=sizes[..., 0], tail=tail), refusals
-
-
-def _outputs(case: ForcedCase, orbits: Orbits) -> Floats:
-    return evaluate(case.system, case.system.output, orbits.states, orbits.inputs, orbits.readings)
+    return _Answers(1j * harmonics[:, 1, 0] / case.drive.amplitude, sizes[..., 0], tail, outputs), refusals
 
 
 def _keep(found: ForcedOrbits, rows: NDArray[np.int64], answers: _Answers, limit: float) -> NDArray[np.bool_]:
@@ -239,7 +238,7 @@ def _keep(found: ForcedOrbits, rows: NDArray[np.int64], answers: _Answers, limit
     return (answers.tail > limit) & ~(known_by_change & (change <= 0.1 * limit))
 
 
-def _batch(case: ForcedCase, mesh: Collocation, orbits: Orbits, rows: NDArray[np.int64]) -> OrbitBatch:
+def _batch(mesh: Collocation, orbits: Orbits, outputs: Floats, rows: NDArray[np.int64]) -> OrbitBatch:
     return OrbitBatch(
         rows=rows,
         phases=mesh.phases,
@@ -247,5 +246,5 @@ def _batch(case: ForcedCase, mesh: Collocation, orbits: Orbits, rows: NDArray[np
         inputs=orbits.inputs,
         states=orbits.states,
         readings=orbits.readings,
-        outputs=_outputs(case, orbits),
+        outputs=outputs,
     )
