@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 import revline as package
 from revline import __version__
-from revline.cli import COMMANDS, app, model_commands, run
+from revline.cli import COMMANDS, app, main, model_commands, run
 from revline.cli.model_commands import DelayChoice, ObjectiveChoice, WeightChoice
 from revline.cli.response_command import MethodChoice
 from revline.design.fine_tuning import Objective
@@ -216,3 +216,14 @@ def test_quiet_leaves_out_the_libraries_warnings_too(
     monkeypatch.setattr("revline.io.engine_files.engine_names", engine_names)
     assert run(["engines", "lee1995", *words]) == 0
     assert capsys.readouterr().err.count("warning: no folder can be written (RuntimeWarning)") == count
+
+
+@pytest.mark.parametrize(("given", "kept"), [(None, "1"), ("4", "4")])
+def test_linear_algebra_keeps_to_one_thread_unless_told_otherwise(given: str | None, kept: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", given or "")
+    if given is None:
+        monkeypatch.delenv("OPENBLAS_NUM_THREADS")
+    monkeypatch.setattr(sys, "argv", ["revline", "--version"])
+    with pytest.raises(SystemExit, match="0"):
+        main()
+    assert os.environ["OPENBLAS_NUM_THREADS"] == kept

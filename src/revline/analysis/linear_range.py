@@ -1,7 +1,8 @@
 """The range of amplitudes in which the linear model holds, frequency by frequency: the numeric answer to how far it may be trusted.
 
 The linear model is the exact small-signal response, its delays kept; what it is compared with is the describing function of the nonlinear
-system. The amplitude at which the error reaches its limit is a root, found between amplitudes of the grid by computing orbits there.
+system. The amplitude at which the error reaches its limit is a root, found between amplitudes of the grid by computing orbits there, each
+started from the linear answer and, where that fails, followed from nothing.
 """
 
 import math
