@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from revline.analysis.jacobians import evaluate, settle_channels
-from revline.analysis.linearize import Kink, linearize, rate_unit, search_scale
+from revline.analysis.linearize import Kink, linearize, linearize_each, rate_unit, search_scale
 from revline.analysis.trim import find_trim
 from revline.errors import InvalidInputError
 from revline.system import DelaySystem, Floats, Variable
@@ -132,6 +132,23 @@ def test_wide_open_throttle_is_an_active_limit(engine: DelaySystem) -> None:
     trim = find_trim(engine, inputs={"throttle": 85.0})
     kinks = linearize(engine, trim).kinks
     assert {(k.result, k.argument) for k in kinks} == {("rate of manifold_pressure", "throttle"), ("output throttle_air_rate", "throttle")}
+
+
+def test_many_points_at_once_give_what_each_gives(engine: DelaySystem) -> None:
+    trims = [find_trim(engine, inputs={"throttle": angle}) for angle in (12.0, 25.0, 85.0)]
+    together = linearize_each(engine, trims)
+    assert linearize_each(engine, ()) == ()
+    for found, alone in zip(together, (linearize(engine, trim) for trim in trims), strict=True):
+        for block in ("A", "Bu", "Bz", "Cy", "Dyu", "Dyz", "Cz", "Dzu", "Dzz", "lags"):
+            assert np.array_equal(getattr(found.model, block), getattr(alone.model, block))
+        assert found.kinks == alone.kinks
+    assert [len(found.kinks) for found in together] == [0, 0, 2]
+
+
+def test_one_of_many_points_that_drifts_is_refused(linear: DelaySystem) -> None:
+    rest, drifting = at((0.0,), (0.0,), (0.0,)), at((1.0,), (0.0,), (1.0,))
+    with pytest.raises(InvalidInputError, match="position drifts"):
+        linearize_each(linear, (rest, drifting))
 
 
 def test_kink_is_a_value() -> None:

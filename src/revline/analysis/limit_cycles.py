@@ -13,7 +13,8 @@ import numpy as np
 
 from revline.analysis.collocation import Collocation, collocation, refine
 from revline.analysis.floquet import FloquetMultipliers, find_floquet_multipliers
-from revline.analysis.harmonic_balance import FIRST_HARMONICS, BalanceSettings, PeriodicOrbit
+from revline.analysis.forced_orbits import FIRST_HARMONICS
+from revline.analysis.harmonic_balance import BalanceSettings, PeriodicOrbit
 from revline.analysis.jacobians import evaluate
 from revline.analysis.orbit_equations import LinearOrbits, Misses, OrbitEquations, Orbits
 from revline.errors import InvalidInputError, NotConvergedError, out_of_range

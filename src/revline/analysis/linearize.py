@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from revline.analysis.jacobians import Jacobians, Matrix, evaluate, find_jacobians
 from revline.analysis.limits import Limit, find_limits
@@ -114,7 +115,11 @@ class Linearization:
 
     def find_limits(self) -> tuple[Limit, ...]:
         """Find all limits that the equations have, with their distance from the point, the nearest first; takes some 20 ms."""
-        return find_limits(self.system, self.arguments, _spans(self.system, self.arguments))
+        return find_limits(self.system, self.arguments, self._spans)
+
+    @property
+    def _spans(self) -> Floats:
+        return _spans(self.system, self.arguments[len(self.system.states) + len(self.system.inputs) :])
 
     def warnings(self, limits: Sequence[Limit]) -> tuple[str, ...]:
         """Say what limits the model's validity: kinks, limits near by, a drift, other steady states.
@@ -149,17 +154,55 @@ def linearize(system: DelaySystem, point: SteadyState) -> Linearization:
         Complex step: Squire and Trapp (1998), SIAM Review 40(1), 110-112. State-dependent lags at a steady state: Cooke and Huang
         (1996), Proceedings of the AMS 124(5), 1417-1426.
     """
-    residual = check_steady(system, point)
-    jacobians = find_jacobians(system, point.states, point.inputs, point.channels)
-    lags = evaluate(system, system.lags, point.states, point.inputs, point.channels)
-    return Linearization(
-        model=build_model(system, jacobians, lags),
-        kinks=find_kinks(system, point, jacobians),
-        system=system,
-        arguments=np.concatenate((point.states, point.inputs, point.channels)),
-        residual=residual,
-        other_points=len(getattr(point, "alternatives", ())),
+    (found,) = linearize_each(system, (point,))
+    return found
+
+
+def linearize_each(system: DelaySystem, points: Sequence[SteadyState]) -> tuple[Linearization, ...]:
+    """Linearise a system about many steady states as `linearize` does about one, all at once.
+
+    Args:
+        system: any system with delay channels.
+        points: steady states, from `find_trim` or a steady map for example.
+
+    Returns:
+        One linear model for each point, with the kinks and active limits met there.
+
+    Raises:
+        InvalidInputError: a point does not fit the system or is no steady state, or an equation has no finite derivative there.
+    """
+    if not points:
+        return ()
+    for point in points:
+        _check_sizes(system, point)
+    stacked = _Stacked(*(np.array([getattr(point, name) for point in points]) for name in ("states", "inputs", "channels")))
+    for k in np.flatnonzero(~_are_steady(system, stacked)):
+        check_steady(system, points[int(k)])
+    jacobians = find_jacobians(system, stacked.states, stacked.inputs, stacked.channels)
+    lags = evaluate(system, system.lags, stacked.states, stacked.inputs, stacked.channels)
+    models = [build_model(system, jacobians.at(k), lags[k]) for k in range(len(points))]
+    kinks = _find_kinks_each(system, stacked, jacobians)
+    residuals = _residuals(system, stacked)
+    return tuple(
+        Linearization(
+            model=model,
+            kinks=tuple(kinks[k]),
+            system=system,
+            arguments=np.concatenate((stacked.states[k], stacked.inputs[k], stacked.channels[k])),
+            residual=float(residuals[k]),
+            other_points=len(getattr(point, "alternatives", ())),
+        )
+        for k, (model, point) in enumerate(zip(models, points, strict=True))
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Stacked:
+    """Many points, along the first axis."""
+
+    states: Floats
+    inputs: Floats
+    channels: Floats
 
 
 def build_model(system: DelaySystem, jacobians: Jacobians, lags: Floats) -> DelayStateSpace:
@@ -195,14 +238,7 @@ def check_steady(system: DelaySystem, point: SteadyState) -> float:
     Raises:
         InvalidInputError: names what changes, how fast, and the limit; or the signals that the point does not fit.
     """
-    for what, values, variables in (
-        ("states", point.states, system.states),
-        ("inputs", point.inputs, system.inputs),
-        ("channels", point.channels, system.channels),
-    ):
-        if values.shape != (len(variables),):
-            message = f"the point has {values.size} {what} where {system.name} has {len(variables)}; give a steady state of this system"
-            raise InvalidInputError(message)
+    _check_sizes(system, point)
     drift = evaluate(system, system.rate, point.states, point.inputs, point.channels)
     for variable, rate in zip(system.states, drift, strict=True):
         limit = DRIFT_LIMIT * search_scale(variable)
@@ -216,8 +252,36 @@ def check_steady(system: DelaySystem, point: SteadyState) -> float:
             readings = f"reads {old:g} {variable.unit} where {new:g} {variable.unit} enters"
             message = f"no steady state: channel {variable.name} {readings}; find one with find_trim()"
             raise InvalidInputError(message, quantity=variable.name, reading=float(old), entering=float(new))
-    scales = np.array([search_scale(variable) for variable in system.states])
-    return float(np.max(np.abs(drift) / scales, initial=0.0))
+    return float(np.max(np.abs(drift) / _scales(system), initial=0.0))
+
+
+def _scales(system: DelaySystem) -> Floats:
+    return np.array([search_scale(variable) for variable in system.states])
+
+
+def _residuals(system: DelaySystem, points: _Stacked) -> Floats:
+    """The largest drift of each point's states, as a part of their search range per second."""
+    drift = evaluate(system, system.rate, points.states, points.inputs, points.channels)
+    return np.asarray(np.max(np.abs(drift) / _scales(system), axis=1, initial=0.0))
+
+
+def _check_sizes(system: DelaySystem, point: SteadyState) -> None:
+    for what, values, variables in (
+        ("states", point.states, system.states),
+        ("inputs", point.inputs, system.inputs),
+        ("channels", point.channels, system.channels),
+    ):
+        if values.shape != (len(variables),):
+            message = f"the point has {values.size} {what} where {system.name} has {len(variables)}; give a steady state of this system"
+            raise InvalidInputError(message)
+
+
+def _are_steady(system: DelaySystem, points: _Stacked) -> NDArray[np.bool_]:
+    """Tell for many points at once what `check_steady` checks."""
+    drift = evaluate(system, system.rate, points.states, points.inputs, points.channels)
+    entering = evaluate(system, system.emit, points.states, points.inputs, points.channels)
+    still = np.all(np.abs(drift) <= DRIFT_LIMIT * _scales(system), axis=1)
+    return still & np.all(np.abs(entering - points.channels) <= 1e-9 * (np.abs(points.channels) + 1e-12), axis=1)
 
 
 def search_scale(variable: Variable) -> float:
@@ -233,16 +297,11 @@ def rate_unit(variable: Variable) -> str:
     return f"{variable.unit}2" if variable.unit.endswith("/s") else f"{variable.unit}/s"
 
 
-def find_kinks(system: DelaySystem, point: SteadyState, jacobians: Jacobians) -> tuple[Kink, ...]:
+def _find_kinks_each(system: DelaySystem, points: _Stacked, jacobians: Jacobians) -> list[list[Kink]]:
     """Compare exact derivatives with one-sided differences, and find arguments to which an equation is flat.
 
-    Args:
-        system: any system.
-        point: where.
-        jacobians: its exact derivatives there.
-
     Returns:
-        One entry for each result and argument with a kink or an active limit. A smooth extremum is neither.
+        For each point one entry for each result and argument with a kink or an active limit. A smooth extremum is neither.
     """
     blocks = (
         ("rate of ", system.rate, system.states, (jacobians.A, jacobians.Bu, jacobians.Bz), system.structure.rate),
@@ -251,29 +310,30 @@ def find_kinks(system: DelaySystem, point: SteadyState, jacobians: Jacobians) ->
     )
     names = [variable.name for variable in (*system.states, *system.inputs)] + [f"reading of {v.name}" for v in system.channels]
     keys = [f"{k}{i}" for k, group in (("x", system.states), ("u", system.inputs), ("zd", system.channels)) for i in range(len(group))]
-    found = []
+    found: list[list[Kink]] = [[] for _ in points.states]
     for prefix, function, results, slopes, structure in blocks:
         exact = np.concatenate(slopes, axis=-1)
-        below, above, limited = _one_sided(system, function, point, exact)
-        for row, column in np.argwhere(limited):
-            if keys[column] in structure[row]:
-                kink = Kink(
-                    result=f"{prefix}{results[row].name}",
-                    argument=names[column],
-                    below=float(below[row, column]),
-                    above=float(above[row, column]),
-                    used=float(exact[row, column]),
-                )
-                found.append(kink)
-    return tuple(found)
+        below, above, limited = _one_sided(system, function, points, exact)
+        limited &= np.array([[key in sources for key in keys] for sources in structure], dtype=bool).reshape(exact.shape[1:])
+        for k, row, column in np.argwhere(limited):
+            kink = Kink(
+                result=f"{prefix}{results[row].name}",
+                argument=names[column],
+                below=float(below[k, row, column]),
+                above=float(above[k, row, column]),
+                used=float(exact[k, row, column]),
+            )
+            found[k].append(kink)
+    return found
 
 
-def _one_sided(system: DelaySystem, function: Equation, point: SteadyState, exact: Matrix) -> tuple[Matrix, Matrix, Matrix]:
-    """Slopes below and above over (results, arguments), and where a limit makes them flat or different."""
-    spans = _spans(system, np.concatenate((point.states, point.inputs, point.channels)))
-    coarse, fine = (_differences(system, function, point, fraction * spans) for fraction in KINK_STEPS)
+def _one_sided(system: DelaySystem, function: Equation, points: _Stacked, exact: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+    """Slopes below and above over (points, results, arguments), and where a limit makes them flat or different."""
+    widths = _spans(system, points.channels)
+    coarse, fine = (_differences(system, function, points, fraction * widths) for fraction in KINK_STEPS)
     wide, narrow = (np.abs(above - below) for below, above in (coarse, fine))
     below, above = fine
+    spans = widths[:, None, :]
     rise = np.maximum(np.abs(below), np.abs(above)) * spans
     steepest = np.max(rise, axis=-1, keepdims=True, initial=0.0)
     # Curvature makes the sides differ in proportion to the step; at a kink the difference does not shrink with it.
@@ -282,21 +342,22 @@ def _one_sided(system: DelaySystem, function: Equation, point: SteadyState, exac
     return below, above, kinked | flat
 
 
-def _spans(system: DelaySystem, arguments: Floats) -> Floats:
-    """Ranges of states, inputs and channel readings."""
-    moved = (*system.states, *system.inputs)
-    return np.array([search_scale(v) for v in moved] + [abs(z) or 1.0 for z in arguments[len(moved) :]])
+def _spans(system: DelaySystem, channels: Floats) -> Floats:
+    """Ranges of states and inputs, and sizes of readings of any leading shape, along the last axis."""
+    fixed = np.array([search_scale(v) for v in (*system.states, *system.inputs)])
+    carried = np.where(channels == 0.0, 1.0, np.abs(channels))
+    return np.concatenate((np.broadcast_to(fixed, (*carried.shape[:-1], fixed.size)), carried), axis=-1)
 
 
-def _differences(system: DelaySystem, function: Equation, point: SteadyState, steps: Floats) -> tuple[Matrix, Matrix]:
-    base = np.concatenate((point.states, point.inputs, point.channels))
-    ends = np.cumsum((point.states.size, point.inputs.size))
-    centre = evaluate(system, function, point.states, point.inputs, point.channels)
+def _differences(system: DelaySystem, function: Equation, points: _Stacked, steps: Floats) -> tuple[Matrix, Matrix]:
+    base = np.concatenate((points.states, points.inputs, points.channels), axis=1)
+    ends = np.cumsum((points.states.shape[1], points.inputs.shape[1]))
+    centre = evaluate(system, function, points.states, points.inputs, points.channels)[:, None, :]
     sides = []
     for sign in (-1.0, 1.0):
-        moved = base + sign * np.diag(steps)
+        moved = base[:, None, :] + sign * steps[:, :, None] * np.eye(base.shape[1])
         values = evaluate(system, function, *np.split(moved, ends, axis=-1))
-        sides.append(((values - centre) * sign / steps[:, None]).T)
+        sides.append(np.swapaxes((values - centre) * sign / steps[:, :, None], 1, 2))
     return sides[0], sides[1]
 
 

@@ -17,6 +17,7 @@ from revline import __version__
 from revline.cli import (
     compare_command,
     engine_commands,
+    linear_range_command,
     loop_command,
     map_command,
     margins_command,
@@ -68,6 +69,12 @@ COMMANDS = (
         response_command.response,
         "Frequency response from throttle to speed.",
         "revline response --throttle 25 --amplitude 5 --frequencies 0.1,1,5,10,20,50,100 --method peaks --out response.csv",
+    ),
+    Entry(
+        "linear-range",
+        linear_range_command.linear_range,
+        "Up to which amplitude the linear model holds.",
+        "revline linear-range --throttle 25 --within 5 --frequencies 0.1,1,5,10,20,50,100 --out range.csv",
     ),
     Entry(
         "spectra",
