@@ -15,6 +15,7 @@ from revline.studies.results import (
     SineRecord,
     StepsResult,
 )
+from revline.studies.routes import RoutesResult
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -28,6 +29,7 @@ class StudyResults:
     linearity: LinearityVerdict
     sine: SineRecord
     response: Sinestream
+    routes: RoutesResult
     models: ModelsResult
     table_models: tuple[ModelsResult, ...]
     controllers: ControllersResult
