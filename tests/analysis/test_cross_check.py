@@ -309,6 +309,28 @@ def test_orbits_that_meet_a_limit_are_compared_with_their_own_larger_error(engin
     assert not compare_routes(engine, trim, sine, exact, stream=off).agreed
 
 
+@pytest.mark.slow
+def test_no_false_alarm_at_random_points_limits_included(engine: DelaySystem) -> None:
+    """Half of the orbits meet the throttle's limit at 79.56 deg, where harmonics and steps converge slowly."""
+    generator = np.random.default_rng(1995)
+    parts: list[float] = []
+    for k in range(40):
+        angle, load = float(generator.uniform(20.0, 79.0)), float(generator.uniform(0.0, 40.0))
+        room = min(angle - 8.0, 79.5 - angle)
+        reach = (
+            float(generator.uniform(1.02, 1.5) * (79.56 - angle)) if k % 2 and angle > 50.0 else float(generator.uniform(0.05, 0.9) * room)
+        )
+        sine, omega = replace(SINE, amplitude=min(reach, 89.9 - angle)), [float(np.exp(generator.uniform(-1.0, 4.0)))]
+        trim = find_trim(engine, inputs={"throttle": angle, "load_torque": load})
+        exact = linearize(engine, trim).model.response(omega, "throttle", "engine_speed")
+        found = compare_routes(engine, trim, sine, exact, stream=find_sinestream(engine, trim, sine, omega))
+        found.require_agreement()
+        assert found.unchecked == (), f"{angle:.4g} +- {sine.amplitude:.4g} deg, {load:.3g} N m, {omega[0]:.4g} rad/s"
+        parts += [float(comparison.used.max()) for comparison in found.comparisons]
+    assert len(parts) == 80
+    assert max(parts) < 1.0
+
+
 def test_a_frequency_of_zero_is_refused(engine: DelaySystem, trim: Trim) -> None:
     with pytest.raises(InvalidInputError, match="frequency = 0 rad/s is outside values above 0; no sinusoid can be compared there"):
         cross_check(engine, trim, SINE, [0.0, 1.0], settings=RunSettings())

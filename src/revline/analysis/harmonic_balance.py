@@ -313,11 +313,11 @@ def _orbit(answers: _Answers, row: int, mesh: Collocation) -> PeriodicOrbit:
 
 
 def _find(case: _Case, mesh: Collocation, start: Orbits) -> tuple[Orbits, Floats]:
-    """Solve for orbits; where Newton's method fails from the start given, by raising the amplitude."""
+    """Solve for orbits; where Newton's method fails from the start given, or leaves the states' ranges, by raising the amplitude."""
     equations = OrbitEquations(system=case.system, mesh=mesh)
     solved = solve_orbits(equations, start, tolerance=case.step_tolerance)
     orbits, last_steps = solved.orbits, solved.last_step.copy()
-    for row in np.flatnonzero(~solved.found):
+    for row in np.flatnonzero(~(solved.found & equations.inside(solved.orbits))):
         drive = replace(case.drive, omega=start.omega[[row]])
         followed, reached = follow_amplitude(equations, drive, tolerance=case.step_tolerance)
         if reached < 1.0:
