@@ -1,5 +1,7 @@
 """The study's cross-check: in its results, checks, figure and words, and what a disagreement does."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -53,6 +55,14 @@ def test_the_figure_shows_differences_and_tolerances(results: StudyResults) -> N
         assert allowed.label == f"allowed, {difference.label}"
     assert "take at most" in route_caption(results.routes)
     assert "the effect of the amplitude: +1.5 % at 7 rad/s and -1.7 deg at 100 rad/s" in route_words(results.routes)
+
+
+def test_rough_orbits_are_one_warning(results: StudyResults) -> None:
+    (balance,) = results.routes.balances
+    rough = replace(balance, error=np.where(balance.omega > 50.0, 1e-4 * balance.omega, balance.error))
+    (warning,) = routes.route_warnings(replace(results.routes, balances=(rough,)))
+    assert warning.startswith("harmonic balance is rough at 5 of 42 frequencies")
+    assert warning.endswith("the fundamental is known to 0.01 of itself at worst, at 100 rad/s")
 
 
 def wrong_lags(monkeypatch: pytest.MonkeyPatch) -> None:

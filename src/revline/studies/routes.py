@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from revline.analysis.balance_attempts import PartialBalance, attempt_balance
-from revline.analysis.cross_check import LARGE_SIGNAL, SMALL_SIGNAL, CrossCheck, compare_routes
+from revline.analysis.cross_check import LARGE_SIGNAL, SETTINGS, SMALL_SIGNAL, CrossCheck, compare_routes
 from revline.analysis.harmonic_balance import HarmonicBalance
 from revline.analysis.routes import BALANCE, EXACT, ResponseDifference, RouteComparison
 from revline.analysis.sinestream import Sinestream
@@ -83,7 +83,7 @@ def check_routes(engine: DelaySystem, point: PointResult, stream: Sinestream, pr
 
 def _balance(engine: DelaySystem, point: PointResult, stream: Sinestream, progress: Progress | None) -> tuple[HarmonicBalance, ...]:
     try:
-        found = attempt_balance(engine, point.trim, stream.excitation, stream.omega, progress=progress)
+        found = attempt_balance(engine, point.trim, stream.excitation, stream.omega, settings=SETTINGS, progress=progress)
     except AnalysisError:
         return ()
     return (found.finished if isinstance(found, PartialBalance) else found,)
@@ -116,13 +116,20 @@ def route_measures(routes: RoutesResult) -> Iterator[tuple[str, float, float, fl
     for comparison in routes.check.comparisons:
         name = " against ".join(comparison.difference.routes)
         yield f"{name}: largest part of the tolerance", float(comparison.used.max()), 0.0, 1.0
-        yield f"{name}: largest tolerance", float(comparison.tolerance.max()), 0.0, 1e-3
 
 
 def route_warnings(routes: RoutesResult) -> Iterator[str]:
     """What could not be compared, and what is less certain than asked for."""
     yield from (str(left) for left in routes.check.unchecked)
-    yield from (note for balance in routes.balances for note in balance.notes)
+    for balance in routes.balances:
+        yield from balance.fundamental.notes
+        rough = balance.error > SETTINGS.tolerance
+        if np.any(rough):
+            k = int(np.argmax(balance.error))
+            yield (
+                f"harmonic balance is rough at {int(np.sum(rough))} of {rough.size} frequencies, as where an orbit crosses a limit: the "
+                f"fundamental is known to {float(balance.error[k]):.1g} of itself at worst, at {balance.omega[k]:g} rad/s"
+            )
 
 
 def route_curves(routes: RoutesResult) -> tuple[Curve, ...]:
