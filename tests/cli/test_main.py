@@ -15,7 +15,7 @@ import revline as package
 from revline import __version__
 from revline.cli import COMMANDS, THREADS, app, main, model_commands, run
 from revline.cli.model_commands import DelayChoice, ObjectiveChoice, WeightChoice
-from revline.cli.response_command import MethodChoice
+from revline.cli.response_routes import MethodChoice
 from revline.design.fine_tuning import Objective
 from revline.design.fit import DelayRule, Weight
 from revline.design.rules import TUNING_RULES
@@ -93,7 +93,7 @@ def test_choices_are_those_of_the_methods() -> None:
     assert get_args(DelayChoice) == tuple(rule.value for rule in DelayRule)
     assert get_args(WeightChoice) == tuple(weight.value for weight in Weight)
     assert get_args(ObjectiveChoice) == tuple(objective.value for objective in Objective)
-    assert set(get_args(MethodChoice)) == {"peaks", "fourier", "exact"}
+    assert set(get_args(MethodChoice)) == {"peaks", "fourier", "harmonic-balance", "exact"}
 
 
 def test_every_option_of_a_tuning_rule_is_an_option_of_tune() -> None:

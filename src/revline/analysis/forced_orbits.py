@@ -71,7 +71,7 @@ class ForcedOrbits:
         distortion: root of the summed squares of the harmonics from the second on, over the fundamental.
         mean: of the output.
         error: estimated relative error of the fundamental by the harmonics left out.
-        last_step: size of the last step, as a part of the states' swing.
+        last_step: size of Newton's last step, or what cheaper steps leave by the rate at which they shrink, as a part of the states' swing.
         highest: number of the highest harmonic.
         batches: the orbits themselves.
         refusals: why an orbit was refused, by its position.
@@ -193,18 +193,18 @@ def _refined(case: ForcedCase, coarse: Collocation, fine: Collocation, orbits: O
 
 
 def _find(case: ForcedCase, mesh: Collocation, ahead: _Ahead) -> tuple[Orbits, Floats, Refusals]:
-    """Solve for orbits: by cheap steps, else by Newton's method, else by raising the amplitude."""
+    """Solve for orbits: by cheap steps, by Newton's method, or where that fails or leaves the states' ranges by raising the amplitude."""
     equations, tolerance = OrbitEquations(system=case.system, mesh=mesh), case.step_tolerance
     orbits, rest, last_step = ahead.start, np.arange(case.drive.omega.size), np.full(case.drive.omega.size, np.inf)
     if ahead.solver is not None:
         near = approach(equations, orbits, ahead.solver, tolerance=tolerance)
         orbits, rest, last_step = near.orbits, np.flatnonzero(~near.found), near.last_step.copy()
-    if not rest.size:
-        return orbits, last_step, {}
-    solved = solve_orbits(equations, orbits.take(rest), tolerance=tolerance)
-    orbits, last_step[rest] = orbits.with_part(rest, solved.orbits), solved.last_step
+    failed = np.zeros(last_step.size, dtype=bool)
+    if rest.size:
+        solved = solve_orbits(equations, orbits.take(rest), tolerance=tolerance)
+        orbits, last_step[rest], failed[rest] = orbits.with_part(rest, solved.orbits), solved.last_step, ~solved.found
     missing: Refusals = {}
-    for row in rest[~solved.found]:
+    for row in np.flatnonzero(failed | ~equations.inside(orbits)):
         followed, reached = follow_amplitude(equations, case.drive.take(np.array([row])), tolerance=tolerance)
         if reached < 1.0:
             missing[int(row)] = not_found(case, int(row), reached)

@@ -92,7 +92,7 @@ class HarmonicBalance:
         distortion: root of the summed squares of the harmonics from the second on, over the fundamental.
         mean: of the output over a period.
         error: estimated relative error of the fundamental by the harmonics left out.
-        last_step: size of Newton's last step, as a part of the states' swing.
+        last_step: size of Newton's last step, or what cheaper steps leave by the rate at which they shrink, as a part of the states' swing.
         batches: the whole orbits, by their number of harmonics.
         notes: what is less certain than asked for, in words.
     """

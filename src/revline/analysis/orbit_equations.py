@@ -152,6 +152,12 @@ class OrbitEquations:
         scales: Floats = np.maximum(swing, floor)
         return scales
 
+    def inside(self, orbits: Orbits) -> NDArray[np.bool_]:
+        """Whether all states of an orbit keep within their ranges, shape (n,)."""
+        low, high = (np.array([getattr(variable, end) for variable in self.system.states]) for end in ("low", "high"))
+        within: NDArray[np.bool_] = np.all((orbits.states >= low) & (orbits.states <= high), axis=(1, 2))
+        return within
+
     def _delayed(self, orbits: Orbits) -> tuple[Floats, Floats]:
         """Lags, and what the channels deliver."""
         points = (orbits.states, orbits.inputs, orbits.readings)

@@ -116,7 +116,7 @@ def approach(equations: OrbitEquations, start: Orbits, solver: LevelSolver | New
         tolerance: largest error left of an orbit that is found, as a part of a state's swing, judged by the last two steps.
 
     Returns:
-        Orbits; those that were not found are as their last step that shrank left them.
+        Orbits, with what their last step leaves by estimate; those that were not found are as the last step that shrank left them.
     """
     n = start.omega.size
     found, last_step, steps = np.zeros(n, dtype=bool), np.full(n, np.inf), np.zeros(n, dtype=int)
@@ -139,7 +139,7 @@ def approach(equations: OrbitEquations, start: Orbits, solver: LevelSolver | New
         if not np.all(stay):
             for kept, samples in ((~stay & shrinks, moved), (~shrinks, part)):
                 orbits.states[rows[kept]], orbits.readings[rows[kept]] = samples.states[kept], samples.readings[kept]
-            found[rows], last_step[rows], steps[rows] = done, size, made
+            found[rows], last_step[rows], steps[rows] = done, np.minimum(size, left), made
             rows, moved, solver, size = rows[stay], moved.take(stay), solver.take(stay), size[stay]
             scales, largest, rounded = scales[stay], largest[stay], rounded[stay]
         part, before = moved, size

@@ -24,6 +24,8 @@ from revline.studies.content_engine import engine_section
 from revline.studies.content_stability import stability_section
 from revline.studies.material import Material, figures
 from revline.studies.results import NoRange, RangeResult
+from revline.studies.routes import FIGURE as ROUTE_FIGURE
+from revline.studies.routes import route_words
 from revline.studies.words import listed, outcome_text, typographic
 from revline.units import RPM
 
@@ -288,6 +290,8 @@ def _response(material: Material) -> Section:
             ),
             *figures(material, "4.10"),
             content_models.response_table(material.config, material.results),
+            Paragraph(marked(typographic(route_words(material.results.routes)))),
+            *figures(material, ROUTE_FIGURE),
         ),
     )
 

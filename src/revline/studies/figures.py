@@ -32,6 +32,8 @@ from revline.studies.captions import SPECTRUM_FIGURES
 from revline.studies.config import StudyConfig
 from revline.studies.figure_call import FigureCall, to_draw
 from revline.studies.results import ErrorRecord, Floats, LoopRow, TimeRecord, title
+from revline.studies.routes import FIGURE as ROUTE_FIGURE
+from revline.studies.routes import ROUTE_AXES, route_curves
 from revline.studies.stability_figures import region_figures
 from revline.studies.steps import table_response
 from revline.studies.study_results import StudyResults
@@ -57,6 +59,7 @@ def figure_calls(config: StudyConfig, engine: DelaySystem, results: StudyResults
         **_steady(results),
         **_spectra(config, results),
         **_bode(config, engine, results),
+        ROUTE_FIGURE: to_draw(plot_curves, route_curves(results.routes), *ROUTE_AXES, view=View(log="xy")),
         **_linear_loops(results),
         **_engine_loops(results),
         **_errors(results),

@@ -21,6 +21,7 @@ from revline.studies.checks import Check
 from revline.studies.config import StudyConfig
 from revline.studies.parts import Parts
 from revline.studies.results import ControllersResult, ErrorsResult, LoopRow, ModelsResult, PointResult, RangeResult
+from revline.studies.routes import balance_rows, routes_fields
 from revline.studies.stability_record import stability_record
 from revline.studies.study_results import StudyResults
 
@@ -260,6 +261,13 @@ PARTS: Mapping[str, Callable[[StudyConfig, Mapping[str, Any]], Record]] = Mappin
         "spectra": lambda _, found: {"spectra": [spectrum_record(check) for check in found["spectra"]]},
         "response": lambda config, found: {
             "frequency_response": response_records(config, found["response"], found["point"].exact),
+        },
+        "routes": lambda config, found: {
+            "frequency_response": [
+                *response_records(config, found["response"], found["point"].exact),
+                *balance_rows(found["routes"]),
+            ],
+            "cross_check": routes_fields(found["routes"]),
         },
         "models": lambda _, found: {"models": models_record(found["models"])},
         "table_models": lambda _, found: {"models_from_table": models_record(found["table_models"][0])} if found["table_models"] else {},

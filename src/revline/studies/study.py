@@ -9,7 +9,7 @@ from revline.analysis.linearity import judge_linearity
 from revline.analysis.spectrum import check_spectra
 from revline.analysis.threads import Progress
 from revline.errors import AnalysisError, InvalidInputError, PartialResultError
-from revline.studies import loop_steps, steps
+from revline.studies import loop_steps, routes, steps
 from revline.studies.chain import Chain, Report
 from revline.studies.config import StudyConfig
 from revline.studies.guidelines import write_guidelines
@@ -63,6 +63,13 @@ STEPS = (
             task.engine, point.trim, steps.excitation(task.config), task.config.spectrum_frequencies, progress=task.progress
         ),
         0.25,
+    ),
+    StudyStep(
+        "cross-check",
+        "routes",
+        ("point", "response"),
+        lambda task, point, response: routes.check_routes(task.engine, point, response, task.progress),
+        0.02,
     ),
     StudyStep("models", "models", ("response",), lambda _, response: steps.fit_models(response.response()), 0.05),
     StudyStep(

@@ -15,6 +15,7 @@ from revline.studies.results import (
     SineRecord,
     StepsResult,
 )
+from revline.studies.routes import RoutesResult
 from revline.studies.stability_results import StabilityResult
 
 
@@ -29,6 +30,7 @@ class StudyResults:
     linearity: LinearityVerdict
     sine: SineRecord
     response: Sinestream
+    routes: RoutesResult
     models: ModelsResult
     table_models: tuple[ModelsResult, ...]
     controllers: ControllersResult

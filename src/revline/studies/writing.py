@@ -28,6 +28,7 @@ from revline.studies.partial import write_partial_report
 from revline.studies.parts import Parts
 from revline.studies.record import partial_record, study_record
 from revline.studies.results import NoRange
+from revline.studies.routes import route_warnings
 from revline.studies.study import NUMBERS_SHARE, compute_study
 from revline.studies.study_results import StudyResults
 from revline.studies.tables import study_tables
@@ -206,6 +207,7 @@ def find_warnings(config: StudyConfig, results: StudyResults) -> Iterator[str]:
         yield f"the operating point is unstable without control ({trim.unstable_count} roots in the right half-plane)"
     yield from (str(left) for left in trim.left_out)
     yield from results.response.notes
+    yield from route_warnings(results.routes)
     if isinstance(results.range.widest, NoRange):
         yield f"no range chosen automatically: {results.range.widest.reason}"
     if not results.models.chosen:
