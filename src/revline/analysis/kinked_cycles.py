@@ -44,6 +44,9 @@ MOST_STEPS = 25
 STEP_TOLERANCE = 1e-10
 """Largest last step, as a part of the states' swing."""
 
+ROUNDING = 1e-5
+"""Below this a step that no longer falls is rounding's, as of a small cycle about large values; the error told is by comparison."""
+
 MOST_LAYOUTS = 12
 """How many times the elements are laid anew at most."""
 
@@ -269,7 +272,7 @@ def _solve(system: DelaySystem, inputs: Floats, solved: PiecewiseCycle) -> Piece
         if resting or not (np.isfinite(size) and solved.period + step[-1] > 0.0):
             break
         solved = PiecewiseCycle(pieces, solved.period + float(step[-1]), solved.states + states, solved.readings + readings)
-        if size <= STEP_TOLERANCE or (size <= 100.0 * STEP_TOLERANCE and size > 0.5 * before):  # rounding keeps it from falling
+        if size <= STEP_TOLERANCE or (size <= ROUNDING and size > 0.25 * before):
             return solved
     message = (
         f"the cycle of {system.name} near {2.0 * np.pi / solved.period:g} rad/s is not found on {pieces.lengths.size} elements: the last "

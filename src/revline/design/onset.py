@@ -27,10 +27,10 @@ from revline.errors import AnalysisError, NotConvergedError, out_of_range
 from revline.system import DelaySystem, Floats, index_of
 from revline.values import make_read_only
 
-FIRST_SHARE = 0.02
+FIRST_SHARE = 0.1
 """Smallest amplitude of the family, as a part of the largest."""
 
-POINTS = 9
+POINTS = 7
 """Cycles of the family that are found."""
 
 FLAT = 1e-7
