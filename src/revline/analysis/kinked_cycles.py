@@ -50,6 +50,9 @@ ROUNDING = 1e-5
 MOST_LAYOUTS = 12
 """How many times the elements are laid anew at most."""
 
+PATIENCE = 5
+"""Layouts after which it is enough that the switches stay: a delayed image may come and go where it barely passes an end."""
+
 MOVED = 1e-10
 """Kinks that move by less than this part of the period stay."""
 
@@ -240,19 +243,23 @@ def _sampled(system: DelaySystem, inputs: Floats, guess: CycleGuess) -> Piecewis
 def _lay_until_still(system: DelaySystem, inputs: Floats, start: PiecewiseCycle, elements: int, generations: int) -> _Found:
     """Solve on elements that end at the kinks, find the kinks anew, and so on until they stay."""
     switches, kinks = find_kinks(system, inputs, start, generations)
-    for _ in range(MOST_LAYOUTS):
+    for layout in range(MOST_LAYOUTS):
         solved = _solve(system, inputs, start.on(Pieces.lay(elements, kinks)))
         if generations < 0:
             return _Found(system, inputs, solved, switches, kinks)
-        switches, again = find_kinks(system, inputs, solved, generations)
-        if again.size == kinks.size and np.all(np.abs(again - kinks) <= MOVED):
-            return _Found(system, inputs, solved, switches, kinks)
-        start, kinks = solved, again
+        again, later = find_kinks(system, inputs, solved, generations)
+        if _still(kinks, later) or (layout >= PATIENCE and _still(switches, again)):
+            return _Found(system, inputs, solved, again, kinks)
+        start, switches, kinks = solved, again, later
     message = (
         f"the kinks of the cycle of {system.name} near {2.0 * np.pi / start.period:g} rad/s do not stay where they are found "
         f"({kinks.size} of them at last), as where an orbit touches a limit without crossing it; change the gains or the command a little"
     )
     raise NotConvergedError(message, kinks=kinks.size)
+
+
+def _still(before: Floats, after: Floats) -> bool:
+    return before.size == after.size and bool(np.all(np.abs(after - before) <= MOVED))
 
 
 def _solve(system: DelaySystem, inputs: Floats, solved: PiecewiseCycle) -> PiecewiseCycle:

@@ -85,6 +85,14 @@ class HuntingOrbit:
         """In s."""
         return self.cycle.period
 
+    def wave(self, output: str, samples: int = 256) -> Floats:
+        """One of the loop's outputs over the period, at equal distances from its start.
+
+        Raises:
+            InvalidInputError: the loop has no such output.
+        """
+        return self.cycle.output(index_of(self.cycle.system.outputs, output), np.arange(samples) / samples)
+
     @property
     def amplitude(self) -> float:
         """Half of the distance from low to high."""

@@ -27,11 +27,8 @@ from revline.errors import AnalysisError, NotConvergedError, out_of_range
 from revline.system import DelaySystem, Floats, index_of
 from revline.values import make_read_only
 
-FIRST_SHARE = 0.1
-"""Smallest amplitude of the family, as a part of the largest."""
-
-POINTS = 7
-"""Cycles of the family that are found."""
+POINTS = 10
+"""Cycles of the family that are found, at equal distances of amplitude."""
 
 FLAT = 1e-7
 """A change of the factor along the first cycles below this part of it says nothing of the kind of onset."""
@@ -161,7 +158,7 @@ def find_onset(
     inputs = loop_inputs(plant, there, wires, command=there.measurement, factor=factor)
     onset = Onset(states=np.asarray(states), inputs=inputs, frequency=crossing.frequency)
     axes = BranchAxes(parameter=inputs.size - 1, watched=index_of(loop.outputs, wires.measurement))
-    found = follow_cycles(loop, onset, axes, np.geomspace(FIRST_SHARE, 1.0, POINTS) * task.largest)
+    found = follow_cycles(loop, onset, axes, np.arange(1, POINTS + 1) / POINTS * task.largest)
     curvature = _curvature(factor, found)
     points = tuple(_judge(loop, cycle, wires, limits) for cycle in found)
     return HuntingOnset(
