@@ -168,6 +168,32 @@ def test_without_integral_action_the_onset_is_judged_at_the_trim(engine: DelaySy
     assert found.rest.inputs["throttle"] == 25.0
 
 
+def test_at_small_throttle_hunting_begins_hard(engine: DelaySystem) -> None:
+    """At 12 deg with ki/kp of 3 per s: below the onset the loop is stable by its roots, and a cycle that repels lies about it."""
+    trim = find_trim(engine, inputs={"throttle": 12.0})
+    found = find_onset(engine, trim, gains(2.0, 6.0), RayTask(command=0.0, largest=5.0), limits=LIMITS)
+    assert found.kind == "hard"
+    assert found.lowest_factor < found.factor
+    assert not found.lowest_is_fold
+    last = found.points[-1]
+    assert last.factor < found.factor
+    assert not last.stable
+    assert last.certain
+    # Simulated below the onset, from a speed off its rest: what begins within the cycle dies out, what begins beyond it does not.
+    below = gains(2.0, 6.0).scaled(kp=last.factor, ki=last.factor)
+    ends = [
+        run_to_its_end(engine, knocked(trim, by), below, LoopTask(command=-by, until=400.0), limits=LIMITS).outcome for by in (2.0, 15.0)
+    ]
+    assert isinstance(ends[0], Settled)
+    assert not isinstance(ends[1], Settled)
+
+
+def knocked(trim: Trim, by: float) -> OperatingPoint:
+    """The trim with its speed raised."""
+    point = operating_point(trim)
+    return replace(point, states=point.states + np.array([0.0, by]), measurement=point.measurement + by)
+
+
 def test_onsets_that_are_none_are_errors(engine: DelaySystem, trim: Trim, monkeypatch: pytest.MonkeyPatch) -> None:
     task = RayTask(command=60.0, largest=1.0)
     with pytest.raises(AnalysisError, match="no factor of the gains kp = -1, ki = -5"):

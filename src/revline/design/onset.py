@@ -79,6 +79,7 @@ class HuntingOnset:
         kind: "soft" or "hard".
         curvature: change of the factor per square of the fundamental's amplitude, at the onset.
         lowest_factor: lowest at which a cycle was found; the onset's own where the onset is soft and the family does not turn back.
+        lowest_is_fold: whether the family turns there; if it does not and the onset is hard, larger cycles exist at lower factors still.
         rest: operating point at which the loop is judged: where the command leads.
         points: the family, by rising amplitude.
         limits: of the control.
@@ -90,6 +91,7 @@ class HuntingOnset:
     kind: str
     curvature: float
     lowest_factor: float
+    lowest_is_fold: bool
     rest: OperatingPoint
     points: tuple[RayPoint, ...]
     limits: Limits
@@ -168,6 +170,7 @@ def find_onset(
         kind="soft" if curvature > 0.0 else "hard",
         curvature=curvature,
         lowest_factor=min(factor, _lowest(found)),
+        lowest_is_fold=_turns(found) and _lowest(found) < factor,
         rest=there,
         points=points,
         limits=limits,
@@ -225,6 +228,12 @@ def _lowest(found: tuple[BranchPoint, ...]) -> float:
         near: Floats = np.polyfit(amplitudes[best - 1 : best + 2], factors[best - 1 : best + 2], 2)
         return float(near[2] - near[1] ** 2 / (4.0 * near[0]))
     return float(factors[best])
+
+
+def _turns(found: tuple[BranchPoint, ...]) -> bool:
+    """Whether the lowest factor lies within the family, not at its end."""
+    factors = [point.parameter for point in found]
+    return 0 < int(np.argmin(factors)) < len(factors) - 1
 
 
 def _judge(loop: DelaySystem, point: BranchPoint, wires: LoopSignals, limits: Limits) -> RayPoint:

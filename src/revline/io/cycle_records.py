@@ -72,6 +72,7 @@ def onset_record(onset: HuntingOnset) -> Mapping[str, object]:
             "frequency_rad_s": onset.frequency,
             "kind": onset.kind,
             "lowest_factor_with_cycle": onset.lowest_factor,
+            "lowest_factor_is_fold": onset.lowest_is_fold,
             "at_throttle_deg": onset.rest.inputs["throttle"],
             "at_speed_rad_s": onset.rest.measurement,
             "branch": [
@@ -122,5 +123,12 @@ def describe_onset(onset: HuntingOnset) -> list[tuple[str, float | str, str]]:
         ("kd", gains.kd, unit["kd"]),
         ("oscillating at", onset.frequency, "rad/s"),
         ("kind", onset.kind, ""),
-        ("lowest factor with a cycle", onset.lowest_factor, ""),
+        ("lowest factor with a cycle", onset.lowest_factor, _lowest_note(onset)),
     ]
+
+
+def _lowest_note(onset: HuntingOnset) -> str:
+    """What the lowest factor is worth."""
+    if onset.lowest_is_fold:
+        return "where the family turns"
+    return "" if onset.kind == "soft" else "at the end of what was followed: larger cycles may exist below"
