@@ -100,6 +100,12 @@ class Cycle:
         """In s."""
         return float(2.0 * np.pi / self.orbit.omega)
 
+    def as_guess(self, samples: int = 512) -> CycleGuess:
+        """Give the cycle as a start for another computation."""
+        mesh = collocation(self.orbit.harmonics)
+        waves = mesh.waves(2.0 * np.pi * np.arange(samples) / samples)
+        return CycleGuess(period=self.period, states=(waves @ mesh.coefficients(self.orbit.states)).real)
+
     def extremes(self, output: int) -> tuple[float, float]:
         """Lowest and highest value of an output over the cycle, between the samples too."""
         mesh = collocation(self.orbit.harmonics)

@@ -17,6 +17,7 @@ from revline import __version__
 from revline.cli import (
     compare_command,
     engine_commands,
+    limit_cycle_command,
     linear_range_command,
     loop_command,
     map_command,
@@ -111,6 +112,12 @@ COMMANDS = (
         loop_command.loop,
         "Closed speed loop in time, and how it ends.",
         "revline loop c1.json --throttle 25 --step 60 --until 20 --out loop.csv",
+    ),
+    Entry(
+        "limit-cycle",
+        limit_cycle_command.limit_cycle,
+        "The orbit that a speed loop hunts in, and its onset.",
+        "revline limit-cycle c1.json --throttle 25 --onset",
     ),
     Entry("study", study_commands.study, "The whole study into a folder, with its report.", "revline study --out out"),
     Entry("report", study_commands.report, "Make a study's report again.", "revline report out"),
