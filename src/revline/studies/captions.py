@@ -10,7 +10,7 @@ import numpy as np
 from revline.design.closed_loop import LoopRun
 from revline.report.numbers import MINUS
 from revline.studies.config import reference_text
-from revline.studies.own_figures import OWN_CAPTIONS, OWN_ROWS
+from revline.studies.own_figures import OWN_CAPTIONS, OWN_ROWS, is_drawn
 from revline.studies.results import TimeRecord, title
 from revline.studies.routes import FIGURE as ROUTE_FIGURE
 from revline.studies.routes import ROUTE_ROW, route_caption
@@ -26,6 +26,11 @@ SPECTRUM_FIGURES = ("4.5", "4.6", "4.4", "4.7", "4.8", "4.9")
 def figure_rows() -> tuple[dict[str, str], ...]:
     """Rows of the thesis's list of figures, then of the study's own: id, title and axes."""
     return (*csv.DictReader(io.StringIO(reference_text("figures.csv"))), *(dict(row) for row in (ROUTE_ROW, *OWN_ROWS)))
+
+
+def figure_ids(results: StudyResults) -> tuple[str, ...]:
+    """Numbers of all figures that a study has: not every controller hunts."""
+    return tuple(row["id"] for row in figure_rows() if is_drawn(row["id"], results))
 
 
 def caption(figure: str, results: StudyResults) -> str:

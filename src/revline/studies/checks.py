@@ -93,6 +93,8 @@ def _own_checks(config: StudyConfig, results: "StudyResults") -> Iterator[Check]
     yield _check("highest frequency: amplitude over that of the exact small-signal response", stream.amplitude[-1] / exact[-1], 1.0, 0.05)
     gap = float(np.max(np.abs(stream.peak_amplitude / stream.amplitude - 1.0)))
     yield _check("largest difference of peak reading from the fundamental", gap, 0.0, 0.05)
+    for row in results.hunting.cycles:
+        yield _check(f"limit cycle of {title(row.controller)}: orbit off its simulation, in tolerances", row.gap / row.tolerance, 0.0, 1.0)
     for name, measured, expected, tolerance in route_measures(results.routes):
         yield _check(name, measured, expected, tolerance)
     gain = abs(results.models.fit("g2").fit.model.static_gain / results.point.gain - 1.0)

@@ -21,6 +21,7 @@ from revline.report.numbers import format_number
 from revline.studies import content_loops, content_models
 from revline.studies.config import StudyConfig
 from revline.studies.content_engine import engine_section
+from revline.studies.content_hunting import hunting_section, range_blocks
 from revline.studies.content_stability import stability_section
 from revline.studies.material import Material, figures
 from revline.studies.results import NoRange, RangeResult
@@ -48,6 +49,7 @@ def make_document(material: Material) -> Document:
         content_models.controllers_section,
         content_loops.loops_section,
         stability_section,
+        hunting_section,
         content_loops.errors_section,
         _guidelines,
         _checks,
@@ -292,6 +294,7 @@ def _response(material: Material) -> Section:
             content_models.response_table(material.config, material.results),
             Paragraph(marked(typographic(route_words(material.results.routes)))),
             *figures(material, ROUTE_FIGURE),
+            *range_blocks(material),
         ),
     )
 

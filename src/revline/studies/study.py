@@ -13,6 +13,7 @@ from revline.studies import loop_steps, routes, steps
 from revline.studies.chain import Chain, Report
 from revline.studies.config import StudyConfig
 from revline.studies.guidelines import write_guidelines
+from revline.studies.hunting_steps import find_hunting
 from revline.studies.parts import Parts
 from revline.studies.stability_steps import find_stability
 from revline.studies.study_results import StudyResults
@@ -93,6 +94,20 @@ STEPS = (
         ("point", "models", "controllers", "loops"),
         lambda task, *found: find_stability(task.engine, *found),
         0.02,
+    ),
+    StudyStep(
+        "hunting",
+        "hunting",
+        ("point", "controllers", "loops"),
+        lambda task, *found: find_hunting(task.engine, *found),
+        0.06,
+    ),
+    StudyStep(
+        "linear-range",
+        "linear_range",
+        ("point",),
+        lambda task, point: steps.find_linear_range(task.engine, point, task.config, task.progress),
+        0.01,
     ),
     StudyStep(
         "model-errors",

@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass
 
+from revline.analysis.linear_range import LinearRanges
 from revline.analysis.linearity import LinearityVerdict
 from revline.analysis.sinestream import Sinestream
 from revline.analysis.spectrum import SpectralCheck
+from revline.studies.hunting_results import HuntingResult
 from revline.studies.results import (
     ControllersResult,
     ErrorsResult,
@@ -36,5 +38,7 @@ class StudyResults:
     controllers: ControllersResult
     loops: LoopsResult
     stability: StabilityResult
+    hunting: HuntingResult
+    linear_range: LinearRanges
     errors: ErrorsResult
     guidelines: tuple[str, ...] = ()
