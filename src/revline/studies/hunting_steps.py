@@ -16,7 +16,7 @@ CONTROLLERS = ("c1", "c2")
 ONSET_OF = ("c1",)
 """Controllers whose onset is looked for; C2's kd leaves nothing to be stabilised."""
 
-LARGEST = 0.25
+LARGEST = 0.2
 """Up to this part of the command the amplitude of cycles is followed from the onset on."""
 
 
