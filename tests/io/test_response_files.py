@@ -117,6 +117,14 @@ def test_writing_then_reading_gives_the_same_bits(
     assert (found.response.input_name, found.response.output_name, found.input_amplitude) == ("input", "speed", amplitude)
 
 
+def test_frequencies_that_agree_to_rounding_are_read_without_a_slope_between_them(tmp_path: Path) -> None:
+    path, top = tmp_path / "response.csv", 999999.0
+    omega = np.array([1.0, 2.0, 3.0, top, np.nextafter(top, np.inf)])
+    assert np.log(omega[-1]) == np.log(omega[-2])
+    write_response(path, FrequencyResponse(omega=omega, values=np.ones(5, dtype=complex)), amplitude=1.0)
+    assert read_response(path).response.omega.tobytes() == omega.tobytes()
+
+
 def test_turns_that_are_known_are_kept_where_the_grid_cannot_show_them(tmp_path: Path) -> None:
     path, omega = tmp_path / "response.csv", np.array([100.0, 900.0])
     response = FrequencyResponse(omega=omega, values=np.exp(-0.1j * omega), turns=np.array([-2, -14]))

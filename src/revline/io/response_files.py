@@ -345,7 +345,10 @@ def _lead_notes(response: FrequencyResponse) -> tuple[str, ...]:
     """
     if response.omega.size < _FEWEST_FOR_SLOPE or not np.all(response.magnitude > 0.0):
         return ()
-    slope = np.gradient(np.log(response.magnitude), np.log(response.omega))
+    logarithm = np.log(response.omega)
+    if not np.all(np.diff(logarithm) > 0.0):
+        return ()  # frequencies that agree to rounding: the magnitude has no slope between them
+    slope = np.gradient(np.log(response.magnitude), logarithm)
     lead = response.phase_deg - 90.0 * slope
     lead -= 180.0 * np.round(lead[0] / 180.0)
     if float(np.median(lead)) <= _LARGEST_LEAD:
