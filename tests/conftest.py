@@ -1,6 +1,7 @@
 """What holds for all tests: properties are not timed, for machines are busy, and a session builds few kernels."""
 
 import os
+import signal
 import sys
 from collections.abc import Iterator
 
@@ -17,6 +18,16 @@ settings.load_profile("untimed")
 
 MOST_KERNELS = 16
 """Kernels that one session may build: each costs seconds where the cache is cold. Parameters and inputs need no new ones."""
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _heed_interruptions() -> Iterator[None]:
+    """Heed interruptions where a shell started the tests in the background, which ignores them: tests of them would wait for ever."""
+    before = signal.getsignal(signal.SIGINT)
+    if before is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -358,6 +358,7 @@ def find_program(given: list[str]) -> list[str]:
 
 
 def main(arguments: list[str]) -> int:
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell that starts this in the background has it ignored, by children too
     program = find_program([argument for argument in arguments if not argument.startswith("--")])
     only = next((argument.removeprefix("--only=") for argument in arguments if argument.startswith("--only=")), "*")
     cases = read_cases(HERE / "commands", only)
