@@ -13,22 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq, minimize_scalar
 
+from revline.design.axis_grid import follow, highest, roots_between
 from revline.design.open_loop import OpenLoop
-from revline.errors import InvalidInputError, NotConvergedError, out_of_range
+from revline.errors import InvalidInputError, out_of_range
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-
-PHASE_STEP = 0.2
-"""Largest change of the loop's phase between neighbours on the grid, in rad."""
-
-SIZE_STEP = 0.2
-"""Largest change of the logarithm of the loop's magnitude between neighbours."""
-
-MOST_POINTS = 400_000
-"""Most frequencies on the grid."""
 
 FLOOR = 1e-3
 """Where the magnitude stays below this, crossings of the phase are not looked for: the gain may rise 1000 times."""
@@ -149,9 +140,11 @@ def find_margins(loop: OpenLoop, *, low: float = 1e-3) -> Margins:
     if not (math.isfinite(low) and low > 0.0):
         raise out_of_range("lowest frequency", low, "rad/s", "values above 0", "give one well below the loop's bandwidth")
     low = _bottom(loop, low)
-    grid, values = _grid(loop, low, _top(loop, low))
-    crossovers = tuple(_gain_crossover(loop, w) for w in _roots(lambda w: abs(_at(loop, w)) - 1.0, grid, np.abs(values) - 1.0))
-    turns = _roots(lambda w: float(_at(loop, w).imag), grid, values.imag)
+    start = np.geomspace(low, _top(loop, low), 200)
+    grid, followed = follow(lambda w: _values(loop, w)[None], start, delay=loop.delay, name=f"the loop {loop.name}")
+    values = followed[0]
+    crossovers = tuple(_gain_crossover(loop, w) for w in roots_between(lambda w: abs(_at(loop, w)) - 1.0, grid, np.abs(values) - 1.0))
+    turns = roots_between(lambda w: float(_at(loop, w).imag), grid, values.imag)
     negative = [(w, _at(loop, w)) for w in turns]
     return Margins(
         loop=loop.name,
@@ -199,52 +192,11 @@ def _top(loop: OpenLoop, low: float) -> float:
     return float(grid[above[-1] + 1]) if above.size else float(grid[1])
 
 
-def _grid(loop: OpenLoop, low: float, high: float) -> tuple[Floats, Complexes]:
-    """Frequencies between which neither phase nor magnitude changes much."""
-    grid = np.geomspace(low, high, 200)
-    values = _values(loop, grid)
-    while True:
-        if not np.all(np.isfinite(values)) or np.any(values == 0.0):
-            bad = float(grid[~np.isfinite(values) | (values == 0.0)][0])
-            message = f"the loop {loop.name} has a pole or a zero on the imaginary axis at {bad:g} rad/s: no margins there"
-            raise NotConvergedError(message, frequency=bad)
-        ratio = values[1:] / values[:-1]
-        coarse = (np.abs(np.angle(ratio)) > PHASE_STEP) | (np.abs(np.log(np.abs(ratio))) > SIZE_STEP)
-        coarse |= loop.delay * np.diff(grid) > PHASE_STEP
-        if not np.any(coarse):
-            return grid, values
-        if grid.size > MOST_POINTS or np.min(np.diff(grid)[coarse] / grid[1:][coarse]) < 1e-13:
-            where = float(grid[1:][coarse][0])
-            message = f"the loop {loop.name} turns too fast near {where:g} rad/s to be followed with {MOST_POINTS} frequencies"
-            raise NotConvergedError(message, frequency=where)
-        middle = np.sqrt(grid[:-1][coarse] * grid[1:][coarse])
-        places = np.flatnonzero(coarse) + 1
-        grid = np.insert(grid, places, middle)
-        values = np.insert(values, places, _values(loop, middle))
-
-
-def _roots(function: Callable[[float], float], grid: Floats, values: Floats) -> list[float]:
-    """Roots of a real function between the points at which it changes its sign."""
-    changes = np.flatnonzero((values[1:] > 0.0) != (values[:-1] > 0.0))
-    return [float(brentq(function, grid[k], grid[k + 1], xtol=1e-300, rtol=1e-14)) for k in changes]
-
-
 def _gain_crossover(loop: OpenLoop, omega: float) -> GainCrossover:
     above = math.atan2(-_at(loop, omega).imag, -_at(loop, omega).real)  # phase of -L: phase above -180 degrees
     return GainCrossover(frequency=omega, phase_margin_deg=math.degrees(above), delay_margin=(above % (2.0 * math.pi)) / omega)
 
 
 def _peak(function: Callable[[Floats], Complexes], grid: Floats) -> Peak:
-    """Largest magnitude on the grid, improved between the neighbours of the largest points."""
-    sizes = np.abs(function(grid))
-    inner = np.flatnonzero((sizes[1:-1] >= sizes[:-2]) & (sizes[1:-1] >= sizes[2:])) + 1
-    best = int(np.argmax(sizes))
-    found = Peak(value=float(sizes[best]), frequency=float(grid[best]))
-    for k in inner[np.argsort(-sizes[inner])][:8]:
-        low, high = math.log(grid[k - 1]), math.log(grid[k + 1])
-        result = minimize_scalar(
-            lambda x: -abs(complex(function(np.array([math.exp(x)]))[0])), bounds=(low, high), method="bounded", options={"xatol": 1e-12}
-        )
-        if -float(result.fun) > found.value:
-            found = Peak(value=-float(result.fun), frequency=math.exp(float(result.x)))
-    return found
+    value, frequency = highest(lambda w: np.abs(function(w)), grid, np.abs(function(grid)))
+    return Peak(value=value, frequency=frequency)
