@@ -38,7 +38,7 @@ acceptance: .venv/.dev ## Check the study in ./out and every command against pub
 	$(BIN)/python tests/acceptance/check_study.py $(OUT)
 	$(BIN)/python tests/acceptance/check_commands.py $(BIN)/revline --self-test
 
-bench: .venv/.dev ## Measure speed; see benchmarks/.
+bench: .venv/.bench ## Measure speed, also of peers; see benchmarks/.
 	$(BIN)/python -m pytest benchmarks --benchmark-enable --benchmark-only
 	set -e; for script in $(wildcard benchmarks/*_against_*.py) benchmarks/study_times.py; do $(BIN)/python $$script; done
 
@@ -55,3 +55,7 @@ clean: ## Remove what was made: environment, results, caches.
 
 .venv/.dev: requirements/run.txt requirements/dev.txt pyproject.toml scripts/set_up.sh scripts/find_python.sh
 	@sh scripts/set_up.sh dev
+
+# What benchmarks alone need; nothing else may depend on it.
+.venv/.bench: .venv/.dev requirements/bench.txt
+	@sh scripts/set_up.sh bench

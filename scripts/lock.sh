@@ -18,4 +18,5 @@ compile() {
 }
 
 compile requirements/run.txt --extra report --group build
-compile requirements/dev.txt --extra report --group dev --constraint requirements/run.txt
+compile requirements/dev.txt --extra report --extra control --group dev --constraint requirements/run.txt
+compile requirements/bench.txt --group bench --constraint requirements/dev.txt

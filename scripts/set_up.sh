@@ -1,9 +1,9 @@
 #!/bin/sh
 # Make or update the environment .venv with exactly the pinned packages, then the project itself.
-# Usage: scripts/set_up.sh run|dev, from the project's root. `dev` holds all of `run`.
+# Usage: scripts/set_up.sh run|dev|bench, from the project's root. `dev` holds all of `run`; `bench` adds to a whole `dev`.
 # .venv/.run and .venv/.dev are written last: without them an environment is taken for half made, and made anew.
 set -eu
-level=${1:?usage: scripts/set_up.sh run|dev}
+level=${1:?usage: scripts/set_up.sh run|dev|bench}
 venv=.venv
 python=$(sh scripts/find_python.sh)
 
@@ -18,6 +18,14 @@ if command -v uv >/dev/null 2>&1; then
 else
     create() { "$python" -m venv "$venv"; }
     install() { "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-input "$@"; }
+fi
+
+if [ "$level" = bench ]; then
+    [ -e "$venv/.dev" ] || { echo "$venv is not whole; run make .venv/.dev first" >&2; exit 1; }
+    echo "adding the peers that make bench measures to $venv"
+    install --require-hashes --only-binary=:all: -r requirements/bench.txt
+    touch "$venv/.bench"
+    exit 0
 fi
 
 if whole; then

@@ -1,10 +1,16 @@
 """What holds for all tests: properties are not timed, for machines are busy, and a session builds few kernels."""
 
+import os
 import sys
 from collections.abc import Iterator
 
 import pytest
 from hypothesis import settings
+
+from revline.cli import THREADS
+
+for _name in THREADS:
+    os.environ.setdefault(_name, "1")  # before the first test imports numpy, as the command line does
 
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")

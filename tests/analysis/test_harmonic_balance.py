@@ -182,6 +182,16 @@ def test_a_frequency_of_zero_is_refused(engine: DelaySystem) -> None:
         balance_engine(engine, 25.0, 1.0, [0.0, 1.0])
 
 
+def test_where_newton_leads_to_states_that_mean_nothing_the_amplitude_is_raised_instead(engine: DelaySystem) -> None:
+    """From the linear answer Newton's method ends at another solution here, with pressures from -44 to 194 kPa."""
+    trim = find_trim(engine, inputs={"throttle": 29.150, "load_torque": 10.0})
+    found = balance_harmonics(engine, trim, throttle(21.9), [0.14489])
+    stream = find_sinestream(engine, trim, throttle(21.9), [0.14489])
+    assert found.fundamental.values == pytest.approx(stream.fourier.values, rel=1e-6)
+    pressures = found.orbits[0].states[:, 0]
+    assert np.all((pressures > 0.0) & (pressures < 100.0))
+
+
 def test_an_output_without_fundamental_is_refused(wiener: DelaySystem) -> None:
     trim = find_trim(wiener, inputs={"force": 0.0})
     for output in ("constant", "square"):

@@ -1,5 +1,6 @@
 """Exact linearisation: derivatives, lags by their value alone, kinks, and the engine's published small-signal numbers."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -9,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from revline.analysis.jacobians import evaluate, settle_channels
-from revline.analysis.linearize import Kink, linearize, rate_unit, search_scale
+from revline.analysis.linearize import Kink, linearize, linearize_each, rate_unit, search_scale
 from revline.analysis.trim import find_trim
 from revline.errors import InvalidInputError
 from revline.system import DelaySystem, Floats, Variable
@@ -133,6 +134,23 @@ def test_wide_open_throttle_is_an_active_limit(engine: DelaySystem) -> None:
     assert {(k.result, k.argument) for k in kinks} == {("rate of manifold_pressure", "throttle"), ("output throttle_air_rate", "throttle")}
 
 
+def test_many_points_at_once_give_what_each_gives(engine: DelaySystem) -> None:
+    trims = [find_trim(engine, inputs={"throttle": angle}) for angle in (12.0, 25.0, 85.0)]
+    together = linearize_each(engine, trims)
+    assert linearize_each(engine, ()) == ()
+    for found, alone in zip(together, (linearize(engine, trim) for trim in trims), strict=True):
+        for block in ("A", "Bu", "Bz", "Cy", "Dyu", "Dyz", "Cz", "Dzu", "Dzz", "lags"):
+            assert np.array_equal(getattr(found.model, block), getattr(alone.model, block))
+        assert found.kinks == alone.kinks
+    assert [len(found.kinks) for found in together] == [0, 0, 2]
+
+
+def test_one_of_many_points_that_drifts_is_refused(linear: DelaySystem) -> None:
+    rest, drifting = at((0.0,), (0.0,), (0.0,)), at((1.0,), (0.0,), (1.0,))
+    with pytest.raises(InvalidInputError, match="position drifts"):
+        linearize_each(linear, (rest, drifting))
+
+
 def test_kink_is_a_value() -> None:
     first = Kink(result="a", argument="b", below=0.0, above=1.0, used=1.0)
     assert first == replace(first)
@@ -161,6 +179,17 @@ def test_point_without_derivative_is_refused(linear: DelaySystem) -> None:
 
     with pytest.raises(InvalidInputError, match=r"block Cy holds (nan|inf) in row 0, column 0"):
         linearize(replace(linear, output=vast), at((0.0,), (0.0,), (0.0,)))
+
+
+@pytest.mark.parametrize(("lag", "words"), [(-1.0, "-1"), (0.0, "0"), (math.inf, "inf"), (math.nan, "nan")])
+def test_a_lag_that_is_none_is_refused(linear: DelaySystem, lag: float, words: str) -> None:
+    def lags(p: object, x: tuple[float], u: tuple[float], zd: tuple[float]) -> tuple[float]:  # noqa: ARG001 - the form of all equations
+        return (lag + 0.0 * x[0],)
+
+    with pytest.raises(
+        InvalidInputError, match=rf"lag of echo = {words} s is outside 0 to infinity, without the ends; give a positive lag"
+    ):
+        linearize(replace(linear, lags=lags), at((0.0,), (0.0,), (0.0,)))
 
 
 def test_units_of_rates_and_ranges() -> None:

@@ -131,7 +131,7 @@ def test_every_requirement_is_pinned_with_hashes_and_without_hosts() -> None:
     groups = project["dependency-groups"]
     run = [*project["project"]["dependencies"], *project["project"]["optional-dependencies"]["report"], *groups["build"]]
     development = [*run, *(entry for entry in groups["dev"] if isinstance(entry, str))]
-    for name, wanted in (("run", run), ("dev", development)):
+    for name, wanted in (("run", run), ("dev", development), ("bench", groups["bench"])):
         text = requirement_text(name)
         assert [entry for entry in wanted if unmet(entry, pins(text))] == []
         blocks = re.split(r"\n(?=[A-Za-z0-9])", text)[1:]
@@ -150,6 +150,14 @@ def test_a_missing_or_old_pin_is_found() -> None:
 def test_what_runs_is_pinned_alike_for_developers() -> None:
     run, development = pins(requirement_text("run")), pins(requirement_text("dev"))
     assert {name: development.get(name) for name in run} == run
+
+
+def test_what_benchmarks_need_is_pinned_alike_for_developers() -> None:
+    """Peers are added to a developer's environment, which must stay what it is."""
+    bench, development = pins(requirement_text("bench")), pins(requirement_text("dev"))
+    shared = bench.keys() & development.keys()
+    assert {"numpy", "scipy", "numba"} <= shared
+    assert {name: bench[name] for name in shared} == {name: development[name] for name in shared}
 
 
 def test_change_fragments_have_the_form() -> None:

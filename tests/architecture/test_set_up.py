@@ -92,3 +92,26 @@ def test_a_half_made_environment_is_made_anew(tmp_path: Path) -> None:
     )
     assert done.returncode == 3
     assert list((tmp_path / ".venv").iterdir()) == []
+
+
+def test_peers_are_added_to_a_whole_environment_only(tmp_path: Path) -> None:
+    for folder in ("scripts", "requirements"):
+        (tmp_path / folder).symlink_to(ROOT / folder)
+    commands = tmp_path / "commands"
+    commands.mkdir()
+    environment = machine(commands, python3=WHOLE, uv=SILENT)
+    environment["PATH"] += ":/usr/bin:/bin"
+
+    def set_up() -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            ["/bin/sh", "scripts/set_up.sh", "bench"], cwd=tmp_path, capture_output=True, text=True, check=False, env=environment
+        )
+
+    refused = set_up()
+    assert refused.returncode == 1
+    assert ".venv is not whole; run make .venv/.dev first" in refused.stderr
+    assert not (tmp_path / ".venv" / ".bench").exists()
+    (tmp_path / ".venv").mkdir()
+    (tmp_path / ".venv" / ".dev").touch()
+    assert set_up().returncode == 0
+    assert (tmp_path / ".venv" / ".bench").exists()

@@ -173,3 +173,26 @@ def test_a_vector_says_what_it_cannot_hold(revline: Command, tmp_path: Path) -> 
     assert "warning: throttle.ambient_pressure = 95.0 kPa is not in the vector: reading it back gives 100.0 kPa" in done.err
     assert "cannot hold the generic efficiency" in revline("engines", "lee1995-generic", "--vector").err
     assert revline("engines", "--vector").status == 2
+
+
+def test_roots_are_listed_by_number_or_right_of_a_line(revline: Command) -> None:
+    done = revline("linearize", "--throttle", 25, "--roots", 2, "--json")
+    assert [round(pair[0], 3) for pair in json.loads(done.out)["roots_rad_s"]] == [-2.072, -20.617]
+    done = revline("linearize", "--throttle", 4, "--roots-right-of", 0.0)
+    assert "root                     0.54774+1.9838j" in done.out
+    done = revline("linearize", "--throttle", 25, "--roots", 3, "--roots-right-of", -5)
+    assert done.status == 2
+    assert "give either --roots or --roots-right-of" in done.err
+
+
+def test_a_step_of_the_linear_model_is_written(revline: Command, tmp_path: Path) -> None:
+    path = tmp_path / "step.csv"
+    done = revline("linearize", "--throttle", 25, "--step-out", path, "--until", 4.0, "--json")
+    record = json.loads(done.out)["step"]
+    assert record["final"]["engine_speed"] == pytest.approx(12.0294, abs=5e-3)
+    assert record["errors"]["engine_speed"] < 1e-9
+    lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
+    assert lines[0].startswith("time_s,engine_speed_rad_s,")
+    assert len(lines) == 1002
+    assert float(lines[-1].split(",")[1]) == record["final"]["engine_speed"]
+    assert revline("linearize", "--throttle", 25, "--step-out", path, "--until", 0).status == 2

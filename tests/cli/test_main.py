@@ -13,9 +13,9 @@ from typer.testing import CliRunner
 
 import revline as package
 from revline import __version__
-from revline.cli import COMMANDS, app, model_commands, run
+from revline.cli import COMMANDS, THREADS, app, main, model_commands, run
 from revline.cli.model_commands import DelayChoice, ObjectiveChoice, WeightChoice
-from revline.cli.response_command import MethodChoice
+from revline.cli.response_routes import MethodChoice
 from revline.design.fine_tuning import Objective
 from revline.design.fit import DelayRule, Weight
 from revline.design.rules import TUNING_RULES
@@ -93,7 +93,7 @@ def test_choices_are_those_of_the_methods() -> None:
     assert get_args(DelayChoice) == tuple(rule.value for rule in DelayRule)
     assert get_args(WeightChoice) == tuple(weight.value for weight in Weight)
     assert get_args(ObjectiveChoice) == tuple(objective.value for objective in Objective)
-    assert set(get_args(MethodChoice)) == {"peaks", "fourier", "exact"}
+    assert set(get_args(MethodChoice)) == {"peaks", "fourier", "harmonic-balance", "exact"}
 
 
 def test_every_option_of_a_tuning_rule_is_an_option_of_tune() -> None:
@@ -202,6 +202,15 @@ def test_run_leaves_the_process_alone() -> None:
     before = warnings.showwarning
     assert run(["--version"]) == 0
     assert warnings.showwarning is before
+
+
+def test_linear_algebra_has_one_thread_unless_the_user_says_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(THREADS[0], "3")
+    monkeypatch.delenv(THREADS[1], raising=False)
+    monkeypatch.setattr("sys.argv", ["revline", "--version"])
+    with pytest.raises(SystemExit):
+        main()
+    assert [os.environ[name] for name in THREADS] == ["3", "1"]
 
 
 @pytest.mark.filterwarnings("always::RuntimeWarning")

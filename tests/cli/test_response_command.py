@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from revline.analysis import linearize
 from revline.cli.shell import Shell
 from revline.io.response_files import read_response
 
@@ -128,7 +129,7 @@ def test_what_an_interruption_finds_finished_is_written(revline: Command, tmp_pa
         assert done == pytest.approx(1.0 / 3.0)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Shell, "progress", lambda *_: nullcontext(interrupt))
+    monkeypatch.setattr(Shell, "progress", lambda _, text: nullcontext(interrupt if text == "sinusoids" else lambda _: None))
     path = tmp_path / "part.csv"
     done = revline("response", "--throttle", 25, "--frequencies", "0.1,5,50", "--workers", 1, "--method", "fourier", "--out", path)
     assert done.status == 1
@@ -148,3 +149,115 @@ def test_an_interruption_before_anything_is_finished_writes_nothing(
     done = revline("response", "--throttle", 25, "--frequencies", "1,5", "--out", path)
     assert (done.status, path.exists()) == (1, False)
     assert "interrupted" in done.err
+
+
+@pytest.mark.reference
+def test_harmonic_balance_gives_the_converged_response_with_all_that_is_known_of_it(revline: Command, tmp_path: Path) -> None:
+    """The engine of Lee (1995) at 25 +- 5 deg, computed twice independently, to the last digit."""
+    path = tmp_path / "balanced.csv"
+    arguments = ("response", "--throttle", 25, "--frequencies", "0.1,5,100", "--method", "harmonic-balance")
+    record = json.loads(revline(*arguments, "--out", path, "--json").out)
+    rows = record["frequency_response"]
+    assert [row["amplitude_rad_s"] for row in rows] == pytest.approx([60.0056, 22.0666, 0.2535], abs=6e-5)
+    assert [row["phase_deg"] for row in rows] == pytest.approx([-3.164, -87.620, -295.286], abs=6e-4)
+    assert [row["distortion"] for row in rows] == pytest.approx([0.0017, 0.037, 0.014], abs=5e-4)
+    assert [row["mean_shift_rad_s"] + 240.799 for row in rows] == pytest.approx([240.77, 243.02, 243.64], abs=6e-3)
+    for row in rows:
+        assert len(row["harmonics_rad_s"]) == 8
+        assert row["harmonics_rad_s"][0] == pytest.approx(row["amplitude_rad_s"])
+        assert 0.0 < row["estimated_error"] < 1e-6
+    assert record["linearity"]["follows"] is True
+    file = read_response(path)
+    assert file.response.method == "harmonic balance"
+    assert file.distortion.tolist() == pytest.approx([row["distortion"] for row in rows])
+
+
+@pytest.mark.parametrize(
+    ("method", "check", "routes", "effect"),
+    [
+        ("exact", None, 1, False),
+        ("harmonic-balance", None, 1, True),
+        ("harmonic-balance", "full", 2, True),
+        ("fourier", None, 2, True),
+        ("peaks", "quick", 1, True),
+    ],
+)
+def test_routes_are_compared_as_asked(method: str, check: str | None, routes: int, effect: bool, revline: Command) -> None:  # noqa: FBT001 - a parameter
+    arguments = ("response", "--throttle", 25, "--frequencies", "10,50", "--method", method, "--json")
+    done = revline(*arguments, *(() if check is None else ("--check", check)))
+    assert (done.status, done.err) == (0, "")
+    found = json.loads(done.out)["cross_check"]
+    assert found["depth"] == (check or ("full" if method == "fourier" else "quick"))
+    assert (found["agreed"], found["checked"], found["unchecked"]) == (True, True, [])
+    assert len(found["comparisons"]) == routes
+    small = found["comparisons"][0]
+    assert small["routes"] == ["exact small-signal response", "harmonic balance at vanishing amplitude"]
+    assert [row["frequency_rad_s"] for row in small["rows"]][2:] == [10.0, 50.0]
+    assert small["largest_part_of_tolerance"] < 1.0
+    assert ("effect_of_amplitude" in found) is effect
+    if effect:
+        assert found["effect_of_amplitude"]["largest_magnitude_difference"] == pytest.approx(0.0144, abs=2e-3)
+
+
+def test_a_check_that_was_not_asked_for_is_not_there(revline: Command) -> None:
+    done = revline("response", "--throttle", 25, "--frequencies", 10, "--method", "exact", "--check", "none", "--json")
+    assert "cross_check" not in json.loads(done.out)
+
+
+def test_what_could_not_be_checked_is_said(revline: Command) -> None:
+    arguments = ("response", "--throttle", 5, "--amplitude", 0.5, "--frequencies", 10, "--method", "exact", "--check", "full", "--json")
+    done = revline(*arguments)
+    assert done.status == 0
+    found = json.loads(done.out)["cross_check"]
+    assert (found["agreed"], found["checked"], found["comparisons"]) == (True, False, [])
+    assert "warning: exact small-signal response was not checked against harmonic balance at vanishing amplitude" in done.err
+    assert "warning: the response was not checked by simulation: lee1995 is not open-loop stable" in done.err
+
+
+def test_frequencies_that_the_full_check_lacks_are_said(revline: Command) -> None:
+    """10 +- 5 deg stalls the engine near 2 rad/s, not at 0.5 or 50."""
+    arguments = ("response", "--throttle", 10, "--frequencies", "0.5,2,50", "--method", "exact", "--check", "full", "--json")
+    done = revline(*arguments)
+    assert done.status == 0
+    assert "warning: not all was checked by simulation: 2 of 3 frequencies are finished; missing: 2 rad/s" in done.err
+    assert [row["frequency_rad_s"] for row in json.loads(done.out)["cross_check"]["comparisons"][1]["rows"]] == [0.5, 50.0]
+
+
+def test_a_frequency_without_an_orbit_leaves_the_others_and_says_so(revline: Command, tmp_path: Path) -> None:
+    path = tmp_path / "part.csv"
+    arguments = ("response", "--throttle", 10, "--amplitude", 5, "--frequencies", "0.1,2,50", "--method", "harmonic-balance", "--out", path)
+    done = revline(*arguments, "--json")
+    assert done.status == 1
+    record = json.loads(done.out)
+    assert [row["frequency_rad_s"] for row in record["frequency_response"]] == [0.1, 50.0]
+    assert (record["partial"], record["missing"][0]["frequency_rad_s"], record["cross_check"]["agreed"]) == (True, 2.0, True)
+    assert "the response is partial: 2 of 3 frequencies are finished; missing: 2 rad/s (" in done.err
+    assert "# partial: 2 of 3 frequencies are finished" in path.read_text()
+
+
+def test_rough_orbits_are_said_to_be_rough(revline: Command) -> None:
+    arguments = ("response", "--throttle", 60, "--amplitude", 20, "--frequencies", "1", "--method", "harmonic-balance", "--check", "none")
+    done = revline(*arguments)
+    assert done.status == 0
+    assert "warning: at 1 rad/s the harmonics decay slowly, as where an orbit crosses a limit" in done.err
+
+
+def test_routes_that_disagree_fail_with_the_numbers_and_leave_a_file_that_says_so(
+    revline: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The lags of the linear model are planted 1 % too long."""
+    right = linearize.build_model
+    monkeypatch.setattr(linearize, "build_model", lambda system, jacobians, lags: right(system, jacobians, 1.01 * lags))
+    path = tmp_path / "wrong.csv"
+    arguments = ("response", "--throttle", 25, "--frequencies", "10,50", "--method", "exact")
+    done = revline(*arguments, "--out", path, "--json")
+    assert done.status == 1
+    assert json.loads(done.out)["cross_check"]["agreed"] is False
+    last = done.err.splitlines()[-1]
+    assert last.startswith("error: cross-check failed at 4 of 4 frequencies: engine_speed of lee1995 answers throttle at ")
+    assert f"{path} holds the response and says so; --check none leaves the check out" in last
+    assert "DISAGREES with harmonic balance at vanishing amplitude at 0 of 4 frequencies" in revline(*arguments).out
+    assert "# cross_check_failed: cross-check failed at 4 of 4 frequencies" in path.read_text()
+    fitted = revline("fit", path, "--zeros", 0, "--poles", 1)
+    assert "holds a response that another route contradicts: cross-check failed" in fitted.err
+    assert revline(*arguments, "--check", "none").status == 0

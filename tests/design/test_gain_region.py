@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 
 from revline.analysis.linearize import linearize
 from revline.analysis.trim import find_trim
-from revline.design import gain_region
+from revline.design import gain_curve
 from revline.design.controller import PidGains
-from revline.design.gain_region import GainRegion, LoopFamily, Window, find_gain_region, find_window
+from revline.design.gain_curve import LoopFamily
+from revline.design.gain_region import GainRegion, Window, find_gain_region, find_window
 from revline.design.loop_family import family_of_model, family_of_system
 from revline.design.loop_stability import count_unstable_poles
 from revline.design.open_loop import open_loop_of_system
@@ -63,10 +65,36 @@ def test_two_lags_have_rouths_line() -> None:
     assert not found.bounded
 
 
+def test_the_window_chosen_holds_all_or_stops_at_a_large_loop_gain() -> None:
+    window = find_window(family_of_model(G2D))
+    found = find_gain_region(family_of_model(G2D), window)
+    assert found.bounded
+    assert window.ki_high == pytest.approx(1.1 * np.max(found.ki[found.rim]), rel=1e-3)
+    assert find_window(family_of_model(G1)).kp_high == pytest.approx(100.0 / 12.2163)
+
+
+def test_a_region_that_leaves_the_window_through_a_gap_is_not_bounded() -> None:
+    """The top edge crosses the region just below its highest point, over a hundred-thousandth of the window."""
+    whole = find_gain_region(family_of_model(G2D))
+    top = float(np.max(whole.ki[whole.rim]))
+    window = Window(kp_low=-100.0, kp_high=100.0, ki_high=top * (1.0 - 1e-6))
+    assert not find_gain_region(family_of_model(G2D), window).bounded
+    assert find_gain_region(family_of_model(G2D), Window(kp_low=-100.0, kp_high=100.0, ki_high=top * 1.01)).bounded
+
+
+def test_an_area_without_delay_has_its_closed_form() -> None:
+    """Below Routh's line and between the ends of kp, within a window that the line leaves at its right."""
+    gain, a1, a2 = 12.0066, 0.55159, 0.034396
+    found = find_gain_region(family_of_model(G2), Window(kp_low=-0.5, kp_high=2.0, ki_high=1000.0))
+    wanted = a1 / (a2 * gain) * (1.0 + gain * 2.0) ** 2 / (2.0 * gain)
+    assert found.area.value == pytest.approx(wanted, rel=1e-5)
+    assert abs(found.area.value - wanted) < 4.0 * found.area.error
+
+
 def test_one_lag_lets_gains_grow_without_end() -> None:
-    found = find_gain_region(family_of_model(G1), find_window(family_of_model(G1)))
+    found = find_gain_region(family_of_model(G1))
     assert not found.bounded
-    assert found.stabilises(5.0, 1000.0)
+    assert found.stabilises(5.0, 800.0)
     assert not found.stabilises(-0.1, 1.0)
 
 
@@ -111,14 +139,14 @@ def test_the_engines_count_agrees_with_its_roots(engine_region: GainRegion, engi
 @pytest.fixture(scope="module")
 def engine_region(engine_model: DelayStateSpace) -> GainRegion:
     family = family_of_system(engine_model, kd=0.1, name="engine")
-    return find_gain_region(family, find_window(family))
+    return find_gain_region(family)
 
 
 @pytest.mark.reference
 def test_the_engines_limits(engine_model: DelayStateSpace) -> None:
     """Converged: proportional control alone up to 2.106 deg per rad/s; with ki/kp = 7.83 1/s up to kp = 1.240."""
     family = family_of_system(engine_model)
-    found = find_gain_region(family, find_window(family))
+    found = find_gain_region(family)
     assert found.bounded
     ((_, high),) = found.kp_ends()
     assert high == pytest.approx(2.106, abs=5e-4)
@@ -160,6 +188,8 @@ def test_unfit_questions_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     window = Window(kp_low=-0.5, kp_high=1.0, ki_high=1.0)
     with pytest.raises(InvalidInputError, match=r"ki = -1 .*turn the sign"):
         find_gain_region(family_of_model(G2D), window).unstable_roots(1.0, -1.0)
+    with pytest.raises(InvalidInputError, match=r"magnitude of kp = 1\.5 +is outside 0 to 1; find the region in a window"):
+        find_gain_region(family_of_model(G2D), window).unstable_roots([0.5, -1.5], 0.5)
     with pytest.raises(InvalidInputError, match="does not answer at rest"):
         family_of_model(TransferFunction(numerator=(0.0, 1.0), denominator=(1.0, 1.0)))
     silent = TransferFunction(numerator=(0.0, 1.0), denominator=(1.0, 1.0, 1.0))
@@ -168,10 +198,26 @@ def test_unfit_questions_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InvalidInputError, match="infinitely many roots of model"):
         family_of_model(TransferFunction(numerator=(2.0,), denominator=(1.0, 1.0), delay=0.1), kd=0.9)
     improper = LoopFamily(
-        name="lead", inverse=lambda w: np.asarray(0.5 + 0.5j * w, dtype=np.complex128), at_rest=0.5, kd=-0.5, base=0.0, unstable=0
+        name="lead", inverse=lambda s: np.asarray(0.5 + 0.5 * s, dtype=np.complex128), at_rest=0.5, kd=-0.5, base=0.0, unstable=0
     )
     with pytest.raises(InvalidInputError, match=r"lead with kd = -0\.5 answers at any frequency"):
         find_gain_region(improper, window)
-    monkeypatch.setattr(gain_region, "MOST_POINTS", 10)
+    monkeypatch.setattr(gain_curve, "MOST_POINTS", 10)
     with pytest.raises(NotConvergedError, match="turns too fast near"):
         find_gain_region(family_of_model(G2D), window)
+
+
+@pytest.mark.reference
+def test_the_largest_kp_of_a_lag_with_delay_is_that_of_silva_datta_and_bhattacharyya() -> None:
+    """Silva, Datta and Bhattacharyya (2005), chapter 7: of all kd, kp up to (T/L a sin a - cos a)/k with tan a = -a T/(T + L)."""
+    gain, lag, delay = 2.0, 0.8, 0.3
+    angle = float(brentq(lambda x: (lag + delay) * math.sin(x) + lag * x * math.cos(x), 1.0, math.pi, xtol=1e-15))
+    wanted = (lag / delay * angle * math.sin(angle) - math.cos(angle)) / gain
+    plant = TransferFunction(numerator=(gain,), denominator=(1.0, lag), delay=delay)
+    found = []
+    for share in (0.0, 0.2, 0.4, 0.6, 0.8):
+        region = find_gain_region(family_of_model(plant, kd=share * lag / gain))
+        found.append(float(np.max(region.kp[region.rim])))
+    assert all(kp <= wanted * (1.0 + 1e-12) for kp in found)
+    assert max(found) == pytest.approx(wanted, rel=1e-6)
+    assert found[0] < 0.92 * wanted

@@ -19,7 +19,7 @@ from hypothesis.extra import numpy as nps
 from revline.design.closed_loop import FORM, Limits, LoopRun
 from revline.design.controller import PidGains
 from revline.design.fine_tuning import Objective
-from revline.design.gain_limit import GainLimit
+from revline.design.gain_rays import GainLimit
 from revline.design.outcome import LimitCycle, Settled
 from revline.errors import InvalidInputError
 from revline.io.value_files import SCHEMA, decode, encode, read_value, write_value

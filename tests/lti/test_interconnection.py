@@ -13,27 +13,10 @@ from revline.lti.interconnection import append, feed_back, feedback, inverse, pa
 from revline.lti.roots import characteristic_roots
 from revline.lti.state_space import DelayStateSpace, Signal
 from revline.lti.transfer_function import TransferFunction
+from tests.lti.drawn import systems
 
 Build = Callable[..., DelayStateSpace]
 POINTS = np.array([0.3j, 1j, 2.0 - 3j, 0.5 + 10j, 40j])
-UNIT = Signal("a", "V")
-
-
-@st.composite
-def systems(draw: st.DrawFn) -> DelayStateSpace:
-    """Random systems with one input and one output, up to two states and two delays that follow and feed one another."""
-    n, m = draw(st.integers(0, 2)), draw(st.integers(0, 2))
-    entry = st.floats(-2.0, 2.0)
-
-    def block(rows: int, columns: int, scale: float = 1.0) -> np.ndarray:
-        return scale * np.array([draw(entry) for _ in range(rows * columns)]).reshape(rows, columns)
-
-    return DelayStateSpace(
-        A=block(n, n) - 4.0 * np.eye(n), Bu=block(n, 1), Bz=block(n, m), Cy=block(1, n), Dyu=block(1, 1, 0.2), Dyz=block(1, m),
-        Cz=block(m, n), Dzu=block(m, 1), Dzz=block(m, m, 0.1), lags=np.array([draw(st.floats(0.01, 2.0)) for _ in range(m)]),
-        states=tuple(Signal(f"x{k}") for k in range(n)), inputs=(Signal("u", "V"),), outputs=(Signal("y", "V"),),
-        channels=tuple(Signal(f"z{k}") for k in range(m)),
-    )  # fmt: skip
 
 
 def close(found: DelayStateSpace, wanted: np.ndarray) -> None:

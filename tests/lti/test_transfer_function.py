@@ -186,3 +186,15 @@ def test_what_cannot_be_answered_is_refused() -> None:
         TransferFunction(numerator=(1.0,), denominator=(1.0, -1.0)).step_response([1000.0])
     with pytest.raises(InvalidInputError, match="output in rad/s feeds an input in deg"):
         LAG.series(LAG)
+
+
+@pytest.mark.parametrize("pole", [1.0, 0.3, 20.0])
+@pytest.mark.parametrize("order", [2, 3, 4, 5])
+def test_a_multiple_pole_s_step_is_exact(order: int, pole: float) -> None:
+    """1/(1 + s/p)^n: 1 - exp(-p t) sum of (p t)^k / k!; roots that come as a cluster lose no digit."""
+    denominator = np.poly1d([1.0 / pole, 1.0]) ** order
+    model = TransferFunction(numerator=(1.0,), denominator=tuple(denominator.coeffs[::-1]))
+    times = np.linspace(0.0, 8.0 / pole, 50)
+    x = pole * times
+    exact = 1.0 - np.exp(-x) * sum(x**k / math.factorial(k) for k in range(order))
+    assert model.step_response(times) == pytest.approx(exact, abs=1e-12)

@@ -26,6 +26,7 @@ from revline.studies.config import StudyConfig
 from revline.studies.figures import figure_calls
 from revline.studies.guidelines import find_limits
 from revline.studies.made import describe_making
+from revline.studies.own_figures import OWN_ROWS
 from revline.studies.partial import partial_document
 from revline.studies.parts import Parts
 from revline.studies.record import partial_record, study_record
@@ -107,14 +108,14 @@ def test_the_record_is_plain_json(config: StudyConfig, results: StudyResults) ->
     text = json.dumps(record, allow_nan=False)
     assert json.loads(text) == record
     methods = {row["method"] for row in record["frequency_response"]}
-    assert methods == {"peaks", "fourier", "exact"}
+    assert methods == {"peaks", "fourier", "harmonic-balance", "exact"}
     assert all("limit_cycle" in row or row["stable"] or "diverged_at_s" in row for row in record["closed_loops"])
     assert None not in record.values()
 
 
 def test_every_figure_has_a_call_and_a_caption(config: StudyConfig, results: StudyResults) -> None:
     ids = {row["id"] for row in figure_rows()}
-    assert len(ids) == 45
+    assert len(ids) == 46 + len(OWN_ROWS)  # those of the thesis, that of the cross-check, and other own ones
     assert set(figure_calls(config, config.load_engine(), results)) == ids == set(CAPTIONS)
     assert all(len(caption(figure, results)) > 20 for figure in ids)
 
@@ -166,7 +167,8 @@ def test_a_step_that_fails_keeps_no_other_from_being_computed(
         path.unlink()
     monkeypatch.setattr(steps, "fit_models", fail)
     with pytest.raises(
-        PartialResultError, match=r"models: no model fits; .*begun for want of that: controllers, closed-loops, model-errors"
+        PartialResultError,
+        match=r"models: no model fits; .*begun for want of that: controllers, closed-loops, stability, hunting, model-errors",
     ):
         writing.run_study(config, tmp_path)
     partial = json.loads((tmp_path / "results.json").read_text())

@@ -25,12 +25,14 @@ class Collocation:
         phases: of the samples, in rad, from 0 on, shape (N,).
         derivative: takes samples to the samples of their derivative by the phase, shape (N, N).
         analysis: takes samples to coefficients c of sum c_m exp(j m phase), m = 0 to H, its real part being meant, shape (N, H + 1).
+        parts: the same in real numbers: takes samples to the real parts of c and the negative imaginary ones in turn, shape (2 H + 2, N).
     """
 
     harmonics: int
     phases: Floats
     derivative: Floats
     analysis: Complexes
+    parts: Floats
 
     def __post_init__(self) -> None:
         make_read_only(self)
@@ -42,15 +44,28 @@ class Collocation:
 
     def coefficients(self, samples: Floats) -> Complexes:
         """Find harmonics: samples along the last axis but one to coefficients along it."""
-        found: Complexes = np.einsum("nm,...nk->...mk", self.analysis, samples)
+        found: Complexes = self.analysis.T @ samples
+        return found
+
+    def weights(self, waves: Complexes) -> Floats:
+        """Give what each sample counts for in the values at the phases of some waves, along the last axis in place of harmonics."""
+        flat = waves.view(float).reshape(-1, self.parts.shape[0])
+        found: Floats = (flat @ self.parts).reshape(*waves.shape[:-1], self.count)
+        return found
+
+    def read_each(self, waves: Complexes, samples: Floats) -> Floats:
+        """Read signals each at phases of its own: waves of shape (n, P, K, H + 1) of samples (n, N, K) to values (n, P, K)."""
+        found: Floats = np.einsum("npkq,nqk->npk", waves.view(float), self.parts @ samples)
         return found
 
     def waves(self, phases: Floats) -> Complexes:
         """Give exp(j m phase) of all harmonics, along a new last axis.
 
-        Computed as powers of exp(j phase) by repeated doubling of the list, which costs one exponential per phase.
+        Computed as powers of exp(j phase) by repeated doubling of the list, which costs one cosine and one sine per phase.
         """
-        base = np.exp(1j * phases)
+        base = np.empty(phases.shape, dtype=complex)
+        np.cos(phases, out=base.real)
+        np.sin(phases, out=base.imag)
         found = np.empty((*phases.shape, self.harmonics + 1), dtype=complex)
         found[..., 0] = 1.0
         have = 1
@@ -76,7 +91,8 @@ def collocation(harmonics: int) -> Collocation:
     weights = np.where(numbers == 0, 1.0, 2.0) / count
     analysis = np.exp(-1j * np.outer(phases, numbers)) * weights
     derivative = ((1j * numbers * np.exp(1j * np.outer(phases, numbers))) @ analysis.T).real
-    return Collocation(harmonics=harmonics, phases=phases, derivative=derivative, analysis=analysis)
+    parts = np.stack((analysis.real, -analysis.imag), axis=-1).reshape(count, -1).T.copy()
+    return Collocation(harmonics=harmonics, phases=phases, derivative=derivative, analysis=analysis, parts=parts)
 
 
 def refine(samples: Floats, coarse: Collocation, fine: Collocation) -> Floats:

@@ -12,28 +12,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from revline.analysis.collocation import Collocation, collocation, refine
-from revline.analysis.jacobians import evaluate, find_jacobians
+from revline.analysis.forced_orbits import FIRST_HARMONICS, OrbitBatch, find_orbits
+from revline.analysis.jacobians import find_jacobians
 from revline.analysis.linearize import build_model
-from revline.analysis.orbit_equations import OrbitEquations, Orbits
-from revline.analysis.orbit_newton import Drive, follow_amplitude, linear_orbits, solve_orbits
+from revline.analysis.orbit_newton import Drive
+from revline.analysis.orbit_refusals import ForcedCase
 from revline.analysis.periodic import Excitation, check_excitation
 from revline.analysis.phase_turns import SineReading, read_turns
 from revline.analysis.trim import Trim
-from revline.errors import AnalysisError, LagError, NotConvergedError, out_of_range
-from revline.lti.response import Complexes, FrequencyResponse, check_frequencies, count_turns
-from revline.lti.state_space import DelayStateSpace
+from revline.errors import out_of_range
+from revline.lti.response import FrequencyResponse, check_frequencies, count_turns
 from revline.system import DelaySystem, Floats, Variable, index_of
 from revline.values import make_read_only
-
-FIRST_HARMONICS = 8
-"""Highest harmonic of the first try."""
-
-LISTED_HARMONICS = FIRST_HARMONICS
-"""Highest harmonic that a result lists; the distortion counts all of them."""
-
-NO_ANSWER = 1e-12
-"""A fundamental below this part of the largest value of the output is none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,8 +92,8 @@ class HarmonicBalance:
         distortion: root of the summed squares of the harmonics from the second on, over the fundamental.
         mean: of the output over a period.
         error: estimated relative error of the fundamental by the harmonics left out.
-        last_step: size of Newton's last step, as a part of the states' swing.
-        orbits: the whole orbits.
+        last_step: size of Newton's last step, or what cheaper steps leave by the rate at which they shrink, as a part of the states' swing.
+        batches: the whole orbits, by their number of harmonics.
         notes: what is less certain than asked for, in words.
     """
 
@@ -119,7 +109,7 @@ class HarmonicBalance:
     mean: Floats
     error: Floats
     last_step: Floats
-    orbits: tuple[PeriodicOrbit, ...]
+    batches: tuple[OrbitBatch, ...]
     notes: tuple[str, ...]
 
     def __post_init__(self) -> None:
@@ -139,6 +129,12 @@ class HarmonicBalance:
     def mean_shift(self) -> Floats:
         """Mean of the output less its value at the trim."""
         return self.mean - self.rest
+
+    @property
+    def orbits(self) -> tuple[PeriodicOrbit, ...]:
+        """The whole orbits, one for each frequency."""
+        by_row = {int(row): _orbit(batch, k) for batch in self.batches for k, row in enumerate(batch.rows)}
+        return tuple(by_row[row] for row in range(self.omega.size))
 
     def response(self) -> FrequencyResponse:
         """Give the fundamental as a frequency response, for plots and fits."""
@@ -178,23 +174,25 @@ def balance_harmonics(
         LagError: on an orbit a lag is not positive, or delayed time runs backwards.
         NotConvergedError: no orbit was found at a frequency; the message says up to which amplitude there is one.
     """
-    settings = settings or BalanceSettings()
     omega = check_frequencies(frequencies)
     if omega[0] == 0.0:
         raise out_of_range("frequency", 0.0, "rad/s", "values above 0", "ask for the steady map instead")
-    moved, watched = check_excitation(system, trim, excitation)
-    model = build_model(system, find_jacobians(system, trim.states, trim.inputs, trim.channels), trim.lags)
-    drive = Drive(trim=trim, position=index_of(system.inputs, moved.name), amplitude=excitation.amplitude, omega=omega)
-    case = _Case(system, excitation, drive, model, settings)
-    found = _resolve(case)
-    fundamental = read_turns(found.values, model.response(omega, moved.name, watched.name), model)
-    rough = np.flatnonzero(found.error > settings.tolerance)
+    empty = excited_case(system, trim, excitation, settings or BalanceSettings())
+    drive = replace(empty.drive, amplitude=np.full(omega.size, excitation.amplitude), omega=omega)
+    case = replace(empty, drive=drive)
+    found = find_orbits(case)
+    if found.refusals:
+        raise found.refusals[min(found.refusals)]
+    guide = case.model.response(omega, excitation.input_name, excitation.output_name)
+    fundamental = read_turns(found.values, guide, case.model)
+    rough = np.flatnonzero(found.error > case.tolerance)
+    described = (_describe_error(float(omega[k]), int(found.highest[k]), float(found.error[k]), case.tolerance) for k in rough)
     return HarmonicBalance(
         system=system.name,
         excitation=excitation,
-        moved=moved,
-        watched=watched,
-        rest=trim.output(watched.name),
+        moved=system.inputs[drive.position],
+        watched=system.outputs[index_of(system.outputs, excitation.output_name)],
+        rest=trim.output(excitation.output_name),
         omega=omega,
         fundamental=fundamental,
         harmonics=found.listed,
@@ -202,197 +200,43 @@ def balance_harmonics(
         mean=found.mean,
         error=found.error,
         last_step=found.last_step,
-        orbits=tuple(found.orbits),
-        notes=(*fundamental.notes, *(_describe_error(found.orbits[k], float(found.error[k]), settings) for k in rough)),
+        batches=tuple(found.batches),
+        notes=(*fundamental.notes, *described),
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Case:
-    """What all orbits of one question have in common."""
+def excited_case(system: DelaySystem, trim: Trim, excitation: Excitation, settings: BalanceSettings) -> ForcedCase:
+    """Prepare the question for orbits about a trim; its drive has no sinusoid yet.
 
-    system: DelaySystem
-    excitation: Excitation
-    drive: Drive
-    model: DelayStateSpace
-    settings: BalanceSettings
-
-    @property
-    def step_tolerance(self) -> float:
-        """Largest last step of Newton's method: the error left is smaller still."""
-        return min(1e-6, max(1e-11, 0.01 * self.settings.tolerance))
-
-
-@dataclass(frozen=True, slots=True)
-class _Answers:
-    """Orbits on one mesh, their output's harmonics, and their errors; orbits along the first axis.
-
-    Attributes:
-        orbits: the samples.
-        outputs: of all outputs, shape (n, N, n_outputs).
-        value: fundamental of the watched output over the input.
-        sizes: its mean, and amplitudes of its harmonics from the first on, shape (n, H + 1).
-        tail: largest of the last two harmonics of states and output, by their fundamentals.
-        last_step: size of Newton's last step.
+    Raises:
+        InvalidInputError: there is no such signal, or the sinusoid leaves the input's range.
+        AnalysisError: the trim is unstable.
     """
-
-    orbits: Orbits
-    outputs: Floats
-    value: Complexes
-    sizes: Floats
-    tail: Floats
-    last_step: Floats
-
-
-@dataclass(frozen=True, slots=True)
-class _Found:
-    """Answers by frequency: the finest of each."""
-
-    values: Complexes
-    listed: Floats
-    distortion: Floats
-    mean: Floats
-    error: Floats
-    last_step: Floats
-    orbits: list[PeriodicOrbit]
-
-
-def _resolve(case: _Case) -> _Found:
-    """Find all orbits, with more harmonics those that need them."""
-    n, limit, most = case.drive.omega.size, case.settings.tolerance, case.settings.most_harmonics
-    mesh = collocation(FIRST_HARMONICS)
-    pending, start = np.arange(n), linear_orbits(case.drive, case.model, mesh)
-    finest: dict[int, PeriodicOrbit] = {}
-    found = _Found(
-        values=np.full(n, np.inf, dtype=complex),
-        listed=np.empty((n, LISTED_HARMONICS)),
-        distortion=np.empty(n),
-        mean=np.empty(n),
-        error=np.full(n, np.inf),
-        last_step=np.empty(n),
-        orbits=[],
+    moved, _ = check_excitation(system, trim, excitation)
+    none = np.empty(0)
+    return ForcedCase(
+        system=system,
+        excitation=excitation,
+        drive=Drive(trim=trim, position=index_of(system.inputs, moved.name), amplitude=none, omega=none),
+        model=build_model(system, find_jacobians(system, trim.states, trim.inputs, trim.channels), trim.lags),
+        tolerance=settings.tolerance,
+        most_harmonics=settings.most_harmonics,
     )
-    while True:
-        orbits, last_step = _find(case, mesh, start)
-        _check_ranges(case, mesh, orbits)
-        answers = _read(case, mesh, orbits, last_step)
-        with np.errstate(invalid="ignore"):
-            change = np.abs(answers.value - found.values[pending]) / np.abs(answers.value)
-        known_by_change = (answers.tail > limit) & np.isfinite(change)
-        found.error[pending] = np.where(known_by_change, change, answers.tail)
-        found.values[pending], found.last_step[pending] = answers.value, answers.last_step
-        found.listed[pending], found.mean[pending] = answers.sizes[:, 1 : LISTED_HARMONICS + 1], answers.sizes[:, 0]
-        found.distortion[pending] = np.linalg.norm(answers.sizes[:, 2:], axis=1) / answers.sizes[:, 1]
-        finest |= {int(position): _orbit(answers, row, mesh) for row, position in enumerate(pending)}
-        rough = (answers.tail > limit) & ~(known_by_change & (change <= 0.1 * limit))
-        if not np.any(rough) or 2 * mesh.harmonics > most:
-            break
-        pending, mesh, start = pending[rough], *_refined(case, mesh, answers.orbits.take(rough))
-    found.orbits.extend(finest[position] for position in range(n))
-    return found
 
 
-def _refined(case: _Case, mesh: Collocation, kept: Orbits) -> tuple[Collocation, Orbits]:
-    """Double the harmonics of some orbits."""
-    fine = collocation(2 * mesh.harmonics)
-    inputs = replace(case.drive, omega=kept.omega).inputs(fine)
-    states, readings = refine(kept.states, mesh, fine), refine(kept.readings, mesh, fine)
-    return fine, Orbits(omega=kept.omega, inputs=inputs, states=states, readings=readings)
-
-
-def _orbit(answers: _Answers, row: int, mesh: Collocation) -> PeriodicOrbit:
-    orbits = answers.orbits
+def _orbit(batch: OrbitBatch, k: int) -> PeriodicOrbit:
     return PeriodicOrbit(
-        omega=float(orbits.omega[row]),
-        phases=mesh.phases,
-        inputs=orbits.inputs[row],
-        states=orbits.states[row],
-        readings=orbits.readings[row],
-        outputs=answers.outputs[row],
+        omega=float(batch.omega[k]),
+        phases=batch.phases,
+        inputs=batch.inputs[k],
+        states=batch.states[k],
+        readings=batch.readings[k],
+        outputs=batch.outputs[k],
     )
 
 
-def _find(case: _Case, mesh: Collocation, start: Orbits) -> tuple[Orbits, Floats]:
-    """Solve for orbits; where Newton's method fails from the start given, by raising the amplitude."""
-    equations = OrbitEquations(system=case.system, mesh=mesh)
-    solved = solve_orbits(equations, start, tolerance=case.step_tolerance)
-    orbits, last_steps = solved.orbits, solved.last_step.copy()
-    for row in np.flatnonzero(~solved.found):
-        drive = replace(case.drive, omega=start.omega[[row]])
-        followed, reached = follow_amplitude(equations, drive, tolerance=case.step_tolerance)
-        if reached < 1.0:
-            raise _not_found(case, float(drive.omega[0]), reached)
-        orbits = orbits.with_part(np.array([row]), followed.orbits)
-        last_steps[row] = followed.last_step[0]
-    return orbits, last_steps
-
-
-def _check_ranges(case: _Case, mesh: Collocation, orbits: Orbits) -> None:
-    """Refuse orbits on which the model means nothing, or a channel delivers backwards in time."""
-    system = case.system
-    for k, variable in enumerate(system.states):
-        _refuse_beyond(case, orbits, variable, orbits.states[..., k])
-    lags = evaluate(system, system.lags, orbits.states, orbits.inputs, orbits.readings)
-    advance = 1.0 - (mesh.derivative @ lags) * orbits.omega[:, None, None]
-    for k, variable in enumerate(system.channels):
-        for what, values, unit in (("its lag", lags[..., k], "s"), ("the rate of its delayed time", advance[..., k], "s/s")):
-            wrong = np.flatnonzero(~np.all(values > 0.0, axis=1))
-            if wrong.size:
-                omega, least = float(orbits.omega[wrong[0]]), float(np.min(values[wrong[0]]))
-                message = (
-                    f"channel {variable.name} of {system.name} delivers nothing on the orbit at {omega:g} rad/s: {what} falls to "
-                    f"{least:g} {unit} (limit 0); choose a smaller amplitude than {case.excitation.amplitude:g}"
-                )
-                raise LagError(message, frequency=omega, least=least)
-
-
-def _refuse_beyond(case: _Case, orbits: Orbits, variable: Variable, values: Floats) -> None:
-    outside = np.flatnonzero(~np.all((values >= variable.low) & (values <= variable.high), axis=1))
-    if outside.size:
-        omega, low, high = float(orbits.omega[outside[0]]), float(np.min(values[outside[0]])), float(np.max(values[outside[0]]))
-        message = (
-            f"{variable.name} of {case.system.name} goes from {low:g} to {high:g} {variable.unit} on the orbit at {omega:g} rad/s, outside "
-            f"its range of {variable.low:g} to {variable.high:g} {variable.unit}; choose a smaller amplitude than "
-            f"{case.excitation.amplitude:g}"
-        )
-        raise AnalysisError(message, frequency=omega, low=low, high=high)
-
-
-def _read(case: _Case, mesh: Collocation, orbits: Orbits, last_step: Floats) -> _Answers:
-    """Read the watched output of orbits, and judge their resolution."""
-    system = case.system
-    outputs = evaluate(system, system.output, orbits.states, orbits.inputs, orbits.readings)
-    watched = outputs[..., [index_of(system.outputs, case.excitation.output_name)]]
-    harmonics = mesh.coefficients(np.concatenate((watched, orbits.states), axis=2))
-    sizes = np.abs(harmonics)
-    silent = sizes[:, 1] <= NO_ANSWER * np.max(sizes, axis=1)
-    if np.any(silent[:, 0]):
-        omega = float(orbits.omega[silent[:, 0]][0])
-        message = (
-            f"output {case.excitation.output_name} of {system.name} has no fundamental under input {case.excitation.input_name} at "
-            f"{omega:g} rad/s: it does not answer, or with other harmonics alone; choose another output, trim or amplitude"
-        )
-        raise AnalysisError(message, frequency=omega)
-    last = np.max(sizes[:, -2:], axis=1)
-    tail = np.max(np.where(silent, 0.0, last / np.where(silent, 1.0, sizes[:, 1])), axis=1)
-    sizes[:, 0] = harmonics[:, 0].real
-    value = 1j * harmonics[:, 1, 0] / case.excitation.amplitude
-    return _Answers(orbits=orbits, outputs=outputs, value=value, sizes=sizes[..., 0], tail=tail, last_step=last_step)
-
-
-def _not_found(case: _Case, omega: float, reached: float) -> NotConvergedError:
-    excitation = case.excitation
-    unit = case.system.inputs[case.drive.position].unit
-    message = (
-        f"no periodic answer of {case.system.name} found at {omega:g} rad/s with {excitation.amplitude:g} {unit} amplitude of "
-        f"{excitation.input_name}: there is one up to {reached * excitation.amplitude:.4g} {unit}; choose a smaller amplitude, or "
-        "simulate it"
-    )
-    return NotConvergedError(message, frequency=omega, amplitude=reached * excitation.amplitude)
-
-
-def _describe_error(orbit: PeriodicOrbit, error: float, settings: BalanceSettings) -> str:
+def _describe_error(omega: float, harmonics: int, error: float, tolerance: float) -> str:
     return (
-        f"at {orbit.omega:g} rad/s the harmonics decay slowly, as where an orbit crosses a limit: with {orbit.harmonics} of them the "
-        f"fundamental is known to {error:.1g} of itself (wanted {settings.tolerance:g})"
+        f"at {omega:g} rad/s the harmonics decay slowly, as where an orbit crosses a limit: with {harmonics} of them the "
+        f"fundamental is known to {error:.1g} of itself (wanted {tolerance:g})"
     )

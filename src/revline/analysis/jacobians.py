@@ -34,6 +34,10 @@ class Jacobians:
     Dzu: Floats
     Dzz: Floats
 
+    def at(self, point: int) -> "Jacobians":
+        """Give those at one of the points."""
+        return Jacobians(**{name: getattr(self, name)[point] for name in ("A", "Bu", "Bz", "Cy", "Dyu", "Dyz", "Cz", "Dzu", "Dzz")})
+
 
 def evaluate(system: DelaySystem, function: Equation, x: Matrix, u: Matrix, zd: Matrix) -> Matrix:
     """Evaluate one of a system's equations at many points.
@@ -48,7 +52,7 @@ def evaluate(system: DelaySystem, function: Equation, x: Matrix, u: Matrix, zd: 
     Returns:
         Results along the last axis. Where an equation divides by zero or overflows they are not finite, without a warning.
     """
-    shape = np.broadcast_shapes(x.shape[:-1], u.shape[:-1], zd.shape[:-1])
+    shape = _shape_of_points(x, u, zd)
     with np.errstate(all="ignore"):
         results = function(system.parameters, *(tuple(v[..., k] for k in range(v.shape[-1])) for v in (x, u, zd)))
     values = np.empty((*shape, len(results)), dtype=np.result_type(x, u, zd))
@@ -73,14 +77,60 @@ def differentiate(system: DelaySystem, function: Equation, x: Floats, u: Floats,
     Source:
         Squire and Trapp (1998), SIAM Review 40(1), 110-112.
     """
-    sizes = (x.shape[-1], u.shape[-1], zd.shape[-1])
-    total = sum(sizes)
-    directions = np.eye(total).reshape(total, *(1 for _ in x.shape[:-1]), total)
-    moved = np.concatenate((x, u, zd), axis=-1) + 1j * COMPLEX_STEP * directions
-    ends = np.cumsum(sizes)
-    parts = moved[..., : ends[0]], moved[..., ends[0] : ends[1]], moved[..., ends[1] :]
-    slopes = np.moveaxis(evaluate(system, function, *parts).imag, 0, -1) / COMPLEX_STEP
-    return slopes[..., : ends[0]], slopes[..., ends[0] : ends[1]], slopes[..., ends[1] :]
+    by_x, by_u, by_zd = differentiate_by(system, function, ("x", "u", "zd"), x, u, zd)
+    return by_x, by_u, by_zd
+
+
+def differentiate_by(
+    system: DelaySystem, function: Equation, letters: tuple[str, ...], x: Floats, u: Floats, zd: Floats
+) -> tuple[Floats, ...]:
+    """Differentiate one of a system's equations by some kinds of arguments.
+
+    Only what the equation is made of by its structure is moved, and only what is moved is complex: the rest is computed with real numbers.
+
+    Args:
+        system: gives the parameters.
+        function: its emit, lags, rate or output.
+        letters: which kinds: "x", "u", "zd".
+        x: states; the last axis counts them.
+        u: inputs, in the same way.
+        zd: channel readings, in the same way.
+
+    Returns:
+        For each letter the derivatives: the points' axes, then results, then arguments.
+    """
+    arguments = {name: [values[..., k] for k in range(values.shape[-1])] for name, values in (("x", x), ("u", u), ("zd", zd))}
+    sources = _sources(system, function)
+    moved = [(letter, k) for letter in letters for k in range(len(arguments[letter])) if f"{letter}{k}" in sources]
+    shape = _shape_of_points(x, u, zd)
+    steps = 1j * COMPLEX_STEP * np.eye(len(moved)).reshape(len(moved), len(moved), *(1 for _ in shape))
+    for row, (letter, k) in enumerate(moved):
+        arguments[letter][k] = arguments[letter][k] + steps[row]
+    with np.errstate(all="ignore"):
+        results = function(system.parameters, *(tuple(values) for values in arguments.values()))
+    slopes = {letter: np.zeros((*shape, len(results), len(arguments[letter]))) for letter in letters}
+    for k, result in enumerate(results):
+        ends = np.broadcast_to(np.imag(result), (len(moved), *shape))
+        for row, (letter, column) in enumerate(moved):
+            slopes[letter][..., k, column] = ends[row] / COMPLEX_STEP
+    return tuple(slopes[letter] for letter in letters)
+
+
+def _shape_of_points(x: Matrix, u: Matrix, zd: Matrix) -> tuple[int, ...]:
+    shapes = (x.shape[:-1], u.shape[:-1], zd.shape[:-1])
+    return shapes[0] if shapes[0] == shapes[1] == shapes[2] else np.broadcast_shapes(*shapes)
+
+
+def _sources(system: DelaySystem, function: Equation) -> frozenset[str]:
+    """Tell which arguments one of a system's equations is made of, such as "x0"."""
+    structure = system.structure
+    named = (
+        (system.emit, structure.emit),
+        (system.lags, structure.lags),
+        (system.rate, structure.rate),
+        (system.output, structure.output),
+    )
+    return frozenset[str]().union(*next(sources for equation, sources in named if equation is function))
 
 
 def find_jacobians(system: DelaySystem, x: Floats, u: Floats, zd: Floats) -> Jacobians:

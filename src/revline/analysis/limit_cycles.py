@@ -13,7 +13,8 @@ import numpy as np
 
 from revline.analysis.collocation import Collocation, collocation, refine
 from revline.analysis.floquet import FloquetMultipliers, find_floquet_multipliers
-from revline.analysis.harmonic_balance import FIRST_HARMONICS, BalanceSettings, PeriodicOrbit
+from revline.analysis.forced_orbits import FIRST_HARMONICS
+from revline.analysis.harmonic_balance import BalanceSettings, PeriodicOrbit
 from revline.analysis.jacobians import evaluate
 from revline.analysis.orbit_equations import LinearOrbits, Misses, OrbitEquations, Orbits
 from revline.errors import InvalidInputError, NotConvergedError, out_of_range
@@ -98,6 +99,12 @@ class Cycle:
     def period(self) -> float:
         """In s."""
         return float(2.0 * np.pi / self.orbit.omega)
+
+    def as_guess(self, samples: int = 512) -> CycleGuess:
+        """Give the cycle as a start for another computation."""
+        mesh = collocation(self.orbit.harmonics)
+        waves = mesh.waves(2.0 * np.pi * np.arange(samples) / samples)
+        return CycleGuess(period=self.period, states=(waves @ mesh.coefficients(self.orbit.states)).real)
 
     def extremes(self, output: int) -> tuple[float, float]:
         """Lowest and highest value of an output over the cycle, between the samples too."""

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from revline.analysis.harmonic_balance import HarmonicBalance
 from revline.analysis.sinestream import Sinestream
 from revline.analysis.spectrum import SpectralCheck
 from revline.errors import InvalidInputError, out_of_range
@@ -124,15 +125,18 @@ def check_distortion_limit(limit: float) -> None:
 
 
 def judge_linearity(
-    streams: Sequence[Sinestream] = (), checks: Sequence[SpectralCheck] = (), *, distortion_limit: float = DISTORTION_LIMIT
+    streams: Sequence[Sinestream | HarmonicBalance] = (),
+    checks: Sequence[SpectralCheck] = (),
+    *,
+    distortion_limit: float = DISTORTION_LIMIT,
 ) -> LinearityVerdict:
-    """Judge from simulated sinusoids in which range of frequencies an output follows its input linearly.
+    """Judge from answers to sinusoids in which range of frequencies an output follows its input linearly.
 
-    A point of a sinestream follows where no harmonic is higher than the fundamental; a spectral check says so itself. A frequency in both
+    A point of a response follows where no harmonic is higher than the fundamental; a spectral check says so itself. A frequency in both
     must pass both.
 
     Args:
-        streams: simulated frequency responses.
+        streams: frequency responses by simulation or by harmonic balance.
         checks: spectral checks.
         distortion_limit: largest distortion that counts as linear.
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from revline.analysis.collocation import Collocation
-from revline.analysis.jacobians import differentiate, evaluate
+from revline.analysis.jacobians import differentiate_by, evaluate
 from revline.analysis.linearize import search_scale
 from revline.lti.batches import invert_each, solve_each
 from revline.system import DelaySystem, Floats
@@ -103,7 +103,8 @@ class OrbitEquations:
         """Differentiate the equations about orbits, exactly; readings are eliminated."""
         n, count, n_states = orbits.states.shape
         n_channels = orbits.readings.shape[2]
-        rate_x, _, rate_z = differentiate(self.system, self.system.rate, orbits.states, orbits.inputs, orbits.readings)
+        points = (orbits.states, orbits.inputs, orbits.readings)
+        rate_x, rate_z = differentiate_by(self.system, self.system.rate, ("x", "zd"), *points)
         given = self._deliveries(orbits)
         matrix = np.zeros((n, count, n_states, count, n_states))
         turn = orbits.omega[:, None, None] * self.mesh.derivative
@@ -123,14 +124,13 @@ class OrbitEquations:
         n, count, n_states = orbits.states.shape
         n_channels = orbits.readings.shape[2]
         points = (orbits.states, orbits.inputs, orbits.readings)
-        emit_x, _, emit_z = differentiate(self.system, self.system.emit, *points)
-        lags_x, _, lags_z = differentiate(self.system, self.system.lags, *points)
+        emit_x, emit_z = differentiate_by(self.system, self.system.emit, ("x", "zd"), *points)
+        lags_x, lags_z = differentiate_by(self.system, self.system.lags, ("x", "zd"), *points)
         lags = evaluate(self.system, self.system.lags, *points)
         entering = evaluate(self.system, self.system.emit, *points)
         waves = self.mesh.waves(self.mesh.phases[:, None] - orbits.omega[:, None, None] * lags)
-        reading = (waves @ self.mesh.analysis.T).real  # how each sample is read from all of z, shape (n, N, n_channels, N)
-        turning = waves * (1j * np.arange(self.mesh.harmonics + 1))
-        slope = np.einsum("niam,nma->nia", turning, self.mesh.coefficients(entering)).real
+        reading = self.mesh.weights(waves)  # how each sample is read from all of z, shape (n, N, n_channels, N)
+        slope = self.mesh.read_each(waves, self.mesh.derivative @ entering)
         late = (slope * orbits.omega[:, None, None])[..., None]
         own = np.arange(count)
         by_states = np.einsum("niaj,njab->niajb", reading, emit_x)
@@ -152,13 +152,19 @@ class OrbitEquations:
         scales: Floats = np.maximum(swing, floor)
         return scales
 
+    def inside(self, orbits: Orbits) -> NDArray[np.bool_]:
+        """Whether all states of an orbit keep within their ranges, shape (n,)."""
+        low, high = (np.array([getattr(variable, end) for variable in self.system.states]) for end in ("low", "high"))
+        within: NDArray[np.bool_] = np.all((orbits.states >= low) & (orbits.states <= high), axis=(1, 2))
+        return within
+
     def _delayed(self, orbits: Orbits) -> tuple[Floats, Floats]:
         """Lags, and what the channels deliver."""
         points = (orbits.states, orbits.inputs, orbits.readings)
         lags = evaluate(self.system, self.system.lags, *points)
-        entering = self.mesh.coefficients(evaluate(self.system, self.system.emit, *points))
+        entering = evaluate(self.system, self.system.emit, *points)
         waves = self.mesh.waves(self.mesh.phases[:, None] - orbits.omega[:, None, None] * lags)
-        return lags, np.einsum("niam,nma->nia", waves, entering).real
+        return lags, self.mesh.read_each(waves, entering)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

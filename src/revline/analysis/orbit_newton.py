@@ -36,17 +36,28 @@ SHORTEST_RISE = 2.0**-9
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Drive:
-    """What drives orbits: the input at a position carries a sinusoid about a trim, at frequencies in rad/s."""
+    """What drives orbits: the input at a position carries sinusoids about a trim.
+
+    Attributes:
+        trim: where.
+        position: of the input.
+        amplitude: of each sinusoid, in the input's unit, shape (n,).
+        omega: frequencies in rad/s, shape (n,).
+    """
 
     trim: Trim
     position: int
-    amplitude: float
+    amplitude: Floats
     omega: Floats
+
+    def take(self, which: NDArray[np.int64] | NDArray[np.bool_]) -> "Drive":
+        """Give some of the sinusoids."""
+        return replace(self, amplitude=self.amplitude[which], omega=self.omega[which])
 
     def inputs(self, mesh: Collocation, part: float = 1.0) -> Floats:
         """Samples of all inputs over a period, with a part of the amplitude; shape (n, N, n_inputs)."""
         values = np.tile(self.trim.inputs, (self.omega.size, mesh.count, 1))
-        values[:, :, self.position] += part * self.amplitude * np.sin(mesh.phases)
+        values[:, :, self.position] += part * self.amplitude[:, None] * np.sin(mesh.phases)
         return values
 
 
@@ -71,7 +82,7 @@ def linear_orbits(drive: Drive, model: DelayStateSpace, mesh: Collocation) -> Or
     """Give the linear model's answer as samples."""
     states, readings = linear_answers(model, drive.position, drive.omega)
     # The real part of -j a exp(j phase) is a sin(phase).
-    wave = -1j * drive.amplitude * np.exp(1j * mesh.phases)[None, :, None]
+    wave = -1j * drive.amplitude[:, None, None] * np.exp(1j * mesh.phases)[None, :, None]
     return Orbits(
         omega=drive.omega,
         inputs=drive.inputs(mesh),
@@ -159,6 +170,12 @@ def follow_amplitude(equations: OrbitEquations, drive: Drive, *, tolerance: floa
     return solved, reached
 
 
+def smallest_step(orbits: Orbits, scales: Floats, tolerance: float) -> Floats:
+    """Step below which an orbit counts as found: the tolerance, or what rounding leaves; as a part of the states' scales, shape (n,)."""
+    found: Floats = np.max(np.maximum(tolerance, ROUNDING * np.max(np.abs(orbits.states), axis=1) / scales), axis=1)
+    return found
+
+
 @dataclass(frozen=True, slots=True)
 class Change:
     """A change of the samples of orbits: of states and of readings."""
@@ -210,7 +227,7 @@ class _Trial:
 def _try_steps(equations: OrbitEquations, solver: NewtonSolver, orbits: Orbits, change: Change, tolerance: float) -> _Trial:
     """Make a step of each orbit, shortened until the one that would follow is smaller."""
     scales = equations.scales(orbits)
-    smallest = np.max(np.maximum(tolerance, ROUNDING * np.max(np.abs(orbits.states), axis=1) / scales), axis=1)
+    smallest = smallest_step(orbits, scales, tolerance)
     before = change.size(scales)
     part = np.ones(before.size)
     while True:

@@ -17,6 +17,8 @@ from revline import __version__
 from revline.cli import (
     compare_command,
     engine_commands,
+    limit_cycle_command,
+    linear_range_command,
     loop_command,
     map_command,
     margins_command,
@@ -33,6 +35,9 @@ from revline.errors import RevlineError
 FAILED = 1
 INTERRUPTED = 130
 """What the argument parser makes of an interruption."""
+
+THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Threads of what numpy's linear algebra runs on. The matrices here are small: more threads than one only wait for each other."""
 
 QUIET = frozenset({"--quiet", "-q"})
 """Either leaves out the warnings that Python's libraries give, as it does those of the commands."""
@@ -65,6 +70,12 @@ COMMANDS = (
         response_command.response,
         "Frequency response from throttle to speed.",
         "revline response --throttle 25 --amplitude 5 --frequencies 0.1,1,5,10,20,50,100 --method peaks --out response.csv",
+    ),
+    Entry(
+        "linear-range",
+        linear_range_command.linear_range,
+        "Up to which amplitude the linear model holds.",
+        "revline linear-range --throttle 25 --within 5 --frequencies 0.1,1,5,10,20,50,100 --out range.csv",
     ),
     Entry(
         "spectra",
@@ -101,6 +112,12 @@ COMMANDS = (
         loop_command.loop,
         "Closed speed loop in time, and how it ends.",
         "revline loop c1.json --throttle 25 --step 60 --until 20 --out loop.csv",
+    ),
+    Entry(
+        "limit-cycle",
+        limit_cycle_command.limit_cycle,
+        "The orbit that a speed loop hunts in, and its onset.",
+        "revline limit-cycle c1.json --throttle 25 --onset",
     ),
     Entry("study", study_commands.study, "The whole study into a folder, with its report.", "revline study --out out"),
     Entry("report", study_commands.report, "Make a study's report again.", "revline report out"),
@@ -145,6 +162,8 @@ def _top(
 
 def main() -> None:
     """Run the command line with the process's arguments, and end the process."""
+    for name in THREADS:
+        os.environ.setdefault(name, "1")
     sys.exit(run(sys.argv[1:]))
 
 

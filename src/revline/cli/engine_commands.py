@@ -1,12 +1,17 @@
 """Commands about engines at rest: engines, trim, linearize."""
 
-from typing import Annotated
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption, ThrottleOption
 from revline.cli.shell import Facts, Grid, Shell, show_roots
 from revline.errors import InvalidInputError
+
+if TYPE_CHECKING:
+    from revline.lti.state_space import DelayStateSpace
 
 
 def engines(
@@ -98,6 +103,16 @@ def linearize(
     throttle: ThrottleOption,
     load: LoadOption = 0.0,
     engine: EngineOption = DEFAULT_ENGINE,
+    roots: Annotated[int | None, typer.Option("--roots", metavar="N", min=1, help="List the N right-most characteristic roots.")] = None,
+    roots_right_of: Annotated[
+        float | None,
+        typer.Option("--roots-right-of", metavar="RAD_S", help="List all roots with a larger real part [rad/s], their number proven."),
+    ] = None,
+    step: Annotated[
+        Path | None,
+        typer.Option("--step-out", metavar="FILE.csv", help="Write how all outputs answer a throttle step of 1 deg, delays exact."),
+    ] = None,
+    until: Annotated[float, typer.Option("--until", metavar="S", help="Time that --step-out covers [s], in 1000 intervals.")] = 5.0,
     out: OutOption = None,
     json: JsonOption = False,
     quiet: QuietOption = False,
@@ -114,12 +129,14 @@ def linearize(
 
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "linear model")
+    shell.prepare(step, "step response")
     plant = load_engine(engine)
     point = find_trim(plant, inputs={"throttle": throttle, "load_torque": load})
     found = linearize_system(plant, point)
-    record = linearization_record(found, point)
+    listed = _list_roots(found.model, roots, roots_right_of)
+    record = {**linearization_record(found, point), **listed, **_write_step(shell, step, found.model, until)}
     shell.write(out, format_json(record), "linear model")
-    shell.warn(*(str(kink) for kink in found.kinks))
+    shell.warn(*record["warnings"])
     model = found.model
     rows: list[tuple[str, float | str, str]] = [
         ("states", ", ".join(f"{s.name} [{s.unit}]" for s in model.states), ""),
@@ -127,6 +144,38 @@ def linearize(
         *((f"lag of {c.name.replace('_', ' ')}", float(lag), "s") for c, lag in zip(model.channels, model.lags, strict=True)),
         ("gain at rest", model.static_gain("throttle", "engine_speed"), "rad/s per deg"),
         ("right-most root", show_roots(point.roots.roots[:1]), "rad/s"),
+        *(("root", show_roots([complex(*pair)]), "rad/s") for pair in listed.get("roots_rad_s", ())),
         ("stable", "yes" if point.stable else f"no, {point.unstable_count} unstable roots", ""),
+        ("residual", found.residual, "1/s"),
+        *(
+            ("nearest limit", f"{m['argument']} = {m['at']:.6g}", f"{m['unit']}, {m['change']:+.4g} from here")
+            for m in record["limits"][:1]
+        ),
     ]
     shell.show(record, Facts(f"Linear model of {point.system} at {throttle:g} deg, {load:g} N m", rows), text_on=out)
+
+
+def _list_roots(model: "DelayStateSpace", count: int | None, right_of: float | None) -> Mapping[str, Any]:
+    """Roots by number or right of a line, as a record; nothing where none are asked for."""
+    from revline.io.point_records import region_roots_record, roots_record
+    from revline.lti.root_regions import Region, find_roots_in
+    from revline.lti.roots import characteristic_roots
+
+    if count is not None and right_of is not None:
+        message = "give either --roots or --roots-right-of: roots are listed by number or right of a line"
+        raise InvalidInputError(message)
+    if count is not None:
+        return roots_record(characteristic_roots(model, count=count))
+    return region_roots_record(find_roots_in(model, Region(left=right_of))) if right_of is not None else {}
+
+
+def _write_step(shell: Shell, path: Path | None, model: "DelayStateSpace", until: float) -> Mapping[str, Any]:
+    """Write the step response where a file is named, and give its summary as a record."""
+    from revline.io.step_records import STEP_INTERVALS, format_step, step_record
+    from revline.lti.time_response import sample_times, step_response
+
+    if path is None:
+        return {}
+    found = step_response(model, sample_times(until, STEP_INTERVALS), input_name="throttle")
+    shell.write(path, format_step(found), "step response")
+    return {"step": step_record(found)}

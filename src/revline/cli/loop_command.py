@@ -98,12 +98,12 @@ def _run_engine(
 
     plant = load_engine(engine)
     trim = find_trim(plant, inputs={"throttle": place[0], "load_torque": place[1]})
-    bounds = Limits(*_throttle_limits(limits, lee1995_parameters(plant).throttle.saturation_angle))
+    bounds = Limits(*throttle_limits(limits, lee1995_parameters(plant).throttle.saturation_angle))
     run = run_loop(plant, operating_point(trim), gains, task, limits=bounds)
     return run, loop_record(run)
 
 
-def _throttle_limits(wanted: tuple[float | None, float | None], saturation: float) -> tuple[float, float]:
+def throttle_limits(wanted: tuple[float | None, float | None], saturation: float) -> tuple[float, float]:
     """Limits asked for, else 0 and where the throttle saturates; refused where no throttle can reach them."""
     low, high = (default if value is None else value for value, default in zip(wanted, (0.0, saturation), strict=True))
     for name, value in (("--low", low), ("--high", high)):

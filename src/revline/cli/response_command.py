@@ -2,19 +2,20 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption, ThrottleOption
+from revline.cli.response_routes import CheckChoice, Checked, Found, MethodChoice, Sines, check_response, find_response, place_of
 from revline.cli.shell import Grid, Shell, is_stdout
-from revline.errors import InvalidInputError, PartialResultError, out_of_range
+from revline.errors import AnalysisError, InvalidInputError, PartialResultError, out_of_range
 
 if TYPE_CHECKING:
-    from revline.lti.response import Floats, FrequencyResponse
+    from revline.lti.response import Floats
 
-MethodChoice = Literal["peaks", "fourier", "exact"]
+SIMULATING = ("peaks", "fourier")
+"""Methods whose answers harmonic balance is compared with by default."""
 
 
 def response(
@@ -33,9 +34,19 @@ def response(
         typer.Option(
             "--method",
             help="peaks: maxima and minima of simulated sinusoids; fourier: their fundamental; "
+            "harmonic-balance: periodic answers computed without simulating; "
             "exact: linearised with the delays kept, for a vanishing amplitude.",
         ),
     ] = "peaks",
+    check: Annotated[
+        CheckChoice | None,
+        typer.Option(
+            "--check",
+            help="quick: the exact response against harmonic balance at vanishing amplitude; full: also harmonic balance against simulated "
+            "sinusoids; none. By default full where the method simulates, else quick.",
+            show_default=False,
+        ),
+    ] = None,
     time_step: Annotated[float, typer.Option("--time-step", metavar="S", help="Longest step of the simulations [s].")] = 1e-3,
     workers: Annotated[int, typer.Option("--workers", min=1, max=64, help="Threads; results do not depend on their number.")] = 2,
     distortion_limit: Annotated[
@@ -50,51 +61,60 @@ def response(
 
     Says in which range of frequencies the speed follows the throttle's frequency as a linear system would. Where a frequency fails, or on
     Ctrl-C, what is finished is written and says that it is partial. The file is what `revline fit` reads. Phases are negative for lag and
-    unwrapped from 0 at low frequency.
+    unwrapped from 0 at low frequency. Independent routes to the response are compared; where they disagree the exit status is 1.
     """
-    from revline.io.response_files import format_response, response_rows
-
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "frequency response")
     omega = _read_frequencies(frequencies, frequencies_file)
-    place = _Place(engine, throttle, load)
-    sines = _Sines(amplitude, method, time_step, workers, distortion_limit)
-    found = _exact(place, omega, amplitude) if method == "exact" else _simulated(shell, place, omega, sines)
-    text = format_response(found.response, amplitude=amplitude, distortion=found.distortion, partial=found.partial)
+    sines = _read_sines(time_step, workers, distortion_limit)
+    place = place_of(engine, throttle, load, amplitude, omega)
+    found = find_response(shell, place, method, sines)
+    checked = check_response(shell, place, found, check or ("full" if method in SIMULATING else "quick"), sines)
+    asked = {"engine": engine, "throttle_deg": throttle, "load_n_m": load, "amplitude_deg": amplitude, "method": method}
+    _write_and_show(shell, asked, amplitude, (found, checked), out)
+    _require_whole(found, checked, out)
+
+
+def _write_and_show(shell: Shell, asked: Mapping[str, object], amplitude: float, both: tuple[Found, Checked], out: Path | None) -> None:
+    from revline.io.response_files import format_response, response_rows
+    from revline.io.sine_records import sine_fields
+
+    found, checked = both
+    said = {"partial": found.partial, "disputed": checked.disagreement}
+    text = format_response(found.response, amplitude=amplitude, distortion=found.distortion, **said)
     shell.write(out, text, "frequency response")
-    shell.warn(*found.notes)
+    warnings = (*found.notes, *checked.warnings)
+    shell.warn(*warnings)
     rows = response_rows(found.response, amplitude=amplitude, distortion=found.distortion)
-    record = {"engine": engine, "throttle_deg": throttle, "load_n_m": load, "amplitude_deg": amplitude, "method": method}
     header = ("frequency [rad/s]", "amplitude [rad/s]", "phase [deg]", "distortion")[: len(rows[0])]
-    grid = Grid(f"{engine} at {throttle:g} +- {amplitude:g} deg, {method}", header, [tuple(row.values()) for row in rows])
-    shell.show({**record, "frequency_response": rows, **found.more, "warnings": list(found.notes)}, grid, *found.verdict, text_on=out)
+    title = "{engine} at {throttle_deg:g} +- {amplitude_deg:g} deg, {method}".format_map(asked)
+    grid = Grid(title, header, [tuple(row.values()) for row in rows])
+    extra = [{}] * len(rows) if found.answers is None else sine_fields(found.answers)
+    listed = {"frequency_response": [{**row, **more} for row, more in zip(rows, extra, strict=True)]}
+    record = {**asked, **listed, **found.more, **checked.more, "warnings": list(warnings)}
+    shell.show(record, grid, *found.verdict, *checked.lines, text_on=out)
+
+
+def _require_whole(found: Found, checked: Checked, out: Path | None) -> None:
+    """Fail where routes disagree or frequencies are missing, now that everything is shown."""
+    file = None if out is None or is_stdout(out) else out
+    if checked.disagreement:
+        kept = "" if file is None else f"; {file} holds the response and says so"
+        message = f"{checked.disagreement}{kept}; --check none leaves the check out"
+        raise AnalysisError(message)
     if found.partial:
-        kept = "" if out is None or is_stdout(out) else f"; {out} holds the finished part"
+        kept = "" if file is None else f"; {file} holds the finished part"
         message = f"the response is partial: {found.partial}{kept}"
         raise PartialResultError(message)
 
 
-class _Place(NamedTuple):
-    engine: str
-    throttle: float
-    load: float
+def _read_sines(time_step: float, workers: int, distortion_limit: float) -> Sines:
+    from revline.analysis.linearity import check_distortion_limit
 
-
-class _Sines(NamedTuple):
-    amplitude: float
-    method: str
-    time_step: float
-    workers: int
-    distortion_limit: float
-
-
-class _Found(NamedTuple):
-    response: "FrequencyResponse"
-    distortion: "Floats | None"
-    notes: tuple[str, ...]
-    verdict: tuple[str, ...] = ()
-    more: Mapping[str, object] = MappingProxyType({})
-    partial: str = ""
+    check_distortion_limit(distortion_limit)
+    if not time_step > 0.0:
+        raise out_of_range("--time-step", time_step, "s", "values above 0", "give a time in seconds")
+    return Sines(time_step, workers, distortion_limit)
 
 
 def _read_frequencies(text: str | None, path: Path | None) -> "Floats":
@@ -109,50 +129,3 @@ def _read_frequencies(text: str | None, path: Path | None) -> "Floats":
         return read_csv_table(path).numbers("frequency_rad_s")
     message = "give either --frequencies, for example 0.1,1,10, or --frequencies-file"
     raise InvalidInputError(message)
-
-
-def _exact(place: _Place, omega: "Floats", amplitude: float) -> _Found:
-    from revline.analysis.exact_response import find_exact_response
-    from revline.analysis.linearize import linearize
-    from revline.analysis.trim import find_trim
-    from revline.io.engine_files import load_engine
-
-    system = load_engine(place.engine)
-    trim = find_trim(system, inputs={"throttle": place.throttle, "load_torque": place.load})
-    response = find_exact_response(system, trim, omega, input_name="throttle", output_name="engine_speed")
-    notes = [str(kink) for kink in linearize(system, trim).kinks if kink.argument == "throttle"]
-    if not trim.stable:
-        notes.append("the engine is open-loop unstable here: no experiment shows this response")
-    throttle = next(variable for variable in system.inputs if variable.name == "throttle")
-    if not throttle.low <= place.throttle - amplitude <= place.throttle + amplitude <= throttle.high:
-        ends = f"{throttle.low:g} to {throttle.high:g} deg"
-        notes.append(f"the amplitude of {amplitude:g} deg only scales this response: so large a sinusoid would leave {ends}")
-    return _Found(response, None, tuple(notes))
-
-
-def _simulated(shell: Shell, place: _Place, omega: "Floats", sines: _Sines) -> _Found:
-    from revline.analysis.cycle_readings import ReadingMethod
-    from revline.analysis.linearity import check_distortion_limit, judge_linearity
-    from revline.analysis.periodic import Excitation, RunSettings
-    from revline.analysis.sinestream import PartialSinestream, attempt_sinestream
-    from revline.analysis.trim import find_trim
-    from revline.io.engine_files import load_engine
-    from revline.io.linearity_records import linearity_record
-
-    check_distortion_limit(sines.distortion_limit)
-    if not sines.time_step > 0.0:
-        raise out_of_range("--time-step", sines.time_step, "s", "values above 0", "give a time in seconds")
-    excitation = Excitation(input_name="throttle", output_name="engine_speed", amplitude=sines.amplitude)
-    settings = RunSettings(max_step=sines.time_step)
-    system = load_engine(place.engine)
-    trim = find_trim(system, inputs={"throttle": place.throttle, "load_torque": place.load})
-    with shell.progress("sinusoids") as progress:
-        outcome = attempt_sinestream(system, trim, excitation, omega, settings=settings, workers=sines.workers, progress=progress)
-    stream = outcome.finished if isinstance(outcome, PartialSinestream) else outcome
-    reading = ReadingMethod(sines.method)
-    response, notes = stream.response(reading), stream.reading(reading).notes
-    if isinstance(outcome, PartialSinestream):
-        missing = [{"frequency_rad_s": entry.omega, "reason": entry.reason} for entry in outcome.missing]
-        return _Found(response, stream.distortion, notes, more={"partial": True, "missing": missing}, partial=str(outcome))
-    verdict = judge_linearity((stream,), distortion_limit=sines.distortion_limit)
-    return _Found(response, stream.distortion, notes, (f"the speed {verdict.text}",), {"linearity": linearity_record(verdict)})

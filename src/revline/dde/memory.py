@@ -5,6 +5,7 @@ times the run time of a simulation: compiled code counts references to arrays, a
 Who calls a kernel keeps the arrays alive. These are numba's intrinsics: they turn into a few machine instructions where they are called.
 """
 
+import functools
 import itertools
 import math
 from collections.abc import Iterator
@@ -140,7 +141,7 @@ def as_floats(parameters: Any, path: str) -> Any:
     """
     if isinstance(parameters, tuple):
         names = getattr(parameters, "_fields", range(len(parameters)))
-        parts = [as_floats(part, f"{path}.{name}") for name, part in zip(names, parameters, strict=True)]
+        parts = [part if _is_good(part) else as_floats(part, f"{path}.{name}") for name, part in zip(names, parameters, strict=True)]
         return type(parameters)(*parts) if hasattr(parameters, "_fields") else tuple(parts)
     try:
         value = float(parameters)
@@ -153,9 +154,32 @@ def as_floats(parameters: Any, path: str) -> Any:
     return value
 
 
+def _is_good(part: Any) -> bool:
+    return type(part) is float and not math.isnan(part)
+
+
 def parameter_type(parameters: Any) -> Any:
     """Type that compiled code gives to parameters."""
-    return typeof(as_floats(parameters, "p"))
+    return _type_of(_shape_of(parameters))
+
+
+def _shape_of(parameters: Any) -> Any:
+    """Classes of a tuple and of all tuples in it; of a number None."""
+    return (type(parameters), *map(_shape_of, parameters)) if isinstance(parameters, tuple) else None
+
+
+@functools.cache
+def _type_of(shape: Any) -> Any:
+    """Type of parameters of a shape; numba takes long to find it, and a run that goes on in blocks asks at each."""
+    return typeof(_zeros(shape))
+
+
+def _zeros(shape: Any) -> Any:
+    if shape is None:
+        return 0.0
+    kind, *parts = shape
+    values = map(_zeros, parts)
+    return kind(*values) if hasattr(kind, "_fields") else tuple(values)
 
 
 def flatten(parameters: Any) -> Iterator[float]:

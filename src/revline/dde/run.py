@@ -3,6 +3,7 @@
 A record, not an object of arrays, because compiled code then counts no references in its inner loop.
 """
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,11 @@ def state_type(system: DelaySystem) -> np.dtype[np.void]:
     are where it reads, `cell_*` is the span of the last cubic, `boundary` is the next segment start that the mesh must meet,
     `boundary_time` and `passing_time` are the times of that one and of a smooth one before it.
     """
-    n, m, c = (width_for(len(signals)) for signals in (system.states, system.inputs, system.channels))
+    return _state_type(*(width_for(len(signals)) for signals in (system.states, system.inputs, system.channels)))
+
+
+@functools.cache
+def _state_type(n: int, m: int, c: int) -> np.dtype[np.void]:
     floats, integers = "f8", "i8"
     return np.dtype(
         [

@@ -109,7 +109,7 @@ def simulate(
     check_resolved(signals, step)
     as_floats(system.parameters, system.name)
     run = _new_run(system, start, step, options.every)
-    return _advance(system, signals, run, until, options)
+    return _advance(system, signals, run, fingerprint(dict(signals)), until=until, options=options)
 
 
 def resume(
@@ -132,7 +132,8 @@ def resume(
     if system.content_digest != checkpoint.system_digest:
         message = f"this run was made with another system or other parameters than {system.name} has now; start a new run"
         raise InvalidInputError(message)
-    if fingerprint(dict(signals)) != checkpoint.signal_digest:
+    digest = fingerprint(dict(signals))
+    if digest != checkpoint.signal_digest:
         message = "this run was made with other input signals; continue it with the same, or start a new run"
         raise InvalidInputError(message)
     if options.method != checkpoint.method:
@@ -141,7 +142,7 @@ def resume(
     if options.every != checkpoint.every:
         message = f"this run stores each {checkpoint.every}. step; continue it with every = {checkpoint.every}, not {options.every}"
         raise InvalidInputError(message, every=checkpoint.every)
-    return _advance(system, signals, checkpoint.run.copy(), until, options)
+    return _advance(system, signals, checkpoint.run.copy(), digest, until=until, options=options)
 
 
 def held_channels(system: DelaySystem, start: Start) -> Floats:
@@ -238,7 +239,9 @@ def _grid_target(s: runs.Record, until: float) -> tuple[int, tuple[str, ...]]:
     return target, (f"stop time {until:g} s is no multiple of the step {step:g} s: moved to {origin + target * step:.12g} s",)
 
 
-def _advance(system: DelaySystem, signals: Mapping[str, Signal], run: Run, until: float, options: Options) -> Trajectory:
+def _advance(
+    system: DelaySystem, signals: Mapping[str, Signal], run: Run, signal_digest: str, *, until: float, options: Options
+) -> Trajectory:
     s = run.state[0]
     target, notes = _grid_target(s, until)
     span = (float(s["origin"]), float(s["origin"]) + (target + 1) * float(s["step"]))
@@ -263,8 +266,8 @@ def _advance(system: DelaySystem, signals: Mapping[str, Signal], run: Run, until
             break
     if options.progress is not None and done == target:
         options.progress(1.0)
-    digests = (system.content_digest, fingerprint(dict(signals)))
-    checkpoint = Checkpoint(system_digest=digests[0], signal_digest=digests[1], method=options.method, run=make_room(run, 0))
+    kept = make_room(run, 0)
+    checkpoint = Checkpoint(system_digest=system.content_digest, signal_digest=signal_digest, method=options.method, run=kept)
     if done == target:
         return _make_trajectory(system, samples, notes, checkpoint)
     place = f"{system.name} at t = {checkpoint.time:.6g} s of {until:g} s"

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize.elementwise import find_minimum, find_root
 
 from revline.errors import NotConvergedError
 from revline.units import Seconds
@@ -71,16 +71,18 @@ def follow(evaluate: Callable[[Floats], Complexes], grid: Floats, *, delay: Seco
         values = np.insert(values, places, evaluate(middle), axis=1)
 
 
-def roots_between(function: Callable[[float], float], grid: Floats, values: Floats) -> list[float]:
-    """Find a root of a real function between each two neighbours at which it changes its sign.
+def roots_between(function: Callable[[Floats], Floats], grid: Floats, values: Floats) -> Floats:
+    """Find the root of a real function between each two neighbours at which it changes its sign, all at once.
 
     Args:
-        function: of one frequency.
+        function: frequencies of shape (n,) to values of shape (n,).
         grid: frequencies, rising.
         values: the function there.
     """
     changes = np.flatnonzero((values[1:] > 0.0) != (values[:-1] > 0.0))
-    return [float(brentq(function, grid[k], grid[k + 1], xtol=1e-300, rtol=1e-14)) for k in changes]
+    if not changes.size:
+        return np.array([])
+    return np.asarray(find_root(function, (grid[changes], grid[changes + 1])).x)
 
 
 def highest(function: Callable[[Floats], Floats], grid: Floats, sizes: Floats) -> tuple[float, float]:
@@ -97,11 +99,12 @@ def highest(function: Callable[[Floats], Floats], grid: Floats, sizes: Floats) -
     inner = np.flatnonzero((sizes[1:-1] >= sizes[:-2]) & (sizes[1:-1] >= sizes[2:])) + 1
     best = int(np.argmax(sizes))
     found = (float(sizes[best]), float(grid[best]))
-    for k in inner[np.argsort(-sizes[inner])][:MOST_PEAKS]:
-        ends = (math.log(grid[k - 1]), math.log(grid[k + 1]))
-        result = minimize_scalar(
-            lambda x: -float(function(np.array([math.exp(x)]))[0]), bounds=ends, method="bounded", options={"xatol": 1e-12}
-        )
-        if -float(result.fun) > found[0]:
-            found = (-float(result.fun), math.exp(float(result.x)))
+    if not inner.size:
+        return found
+    tops = inner[np.argsort(-sizes[inner])][:MOST_PEAKS]
+    logarithm = np.log(grid)
+    result = find_minimum(lambda x: -function(np.exp(x)), (logarithm[tops - 1], logarithm[tops], logarithm[tops + 1]))
+    top = int(np.argmin(result.f_x))
+    if -float(result.f_x[top]) > found[0]:
+        found = (-float(result.f_x[top]), math.exp(float(result.x[top])))
     return found

@@ -1,13 +1,16 @@
 """Plants under all PI controllers with one derivative gain, from transfer functions and from exact linear models."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals
 from revline.design.controller import PidGains
-from revline.design.gain_region import Inverse, LoopFamily
+from revline.design.gain_curve import AXIS, Contour, Inverse, LoopFamily
 from revline.design.open_loop import OpenLoop, open_loop_of_model, open_loop_of_system
 from revline.errors import InvalidInputError
+from revline.lti.interconnection import feed_back, select, to_state_space
 from revline.lti.roots import characteristic_roots
 from revline.lti.state_space import DelayStateSpace, position
 from revline.lti.transfer_function import TransferFunction
@@ -19,33 +22,73 @@ NEAR_REST = 1e-9
 """An integrating plant has a root at the origin without control; its roots are counted at this part of the gain of 1/P at 1 rad/s."""
 
 
-def family_of_model(plant: TransferFunction, *, kd: float = 0.0, name: str = "model") -> LoopFamily:
+MOST_ROOTS = 400
+"""Most roots that are listed to count those right of a contour."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _OfModel:
+    """1/P of a transfer function: a value, so that what holds it can be kept, and sent to another process."""
+
+    plant: TransferFunction
+
+    def __call__(self, s: Complexes) -> Complexes:
+        return np.asarray(1.0 / self.plant(s))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _OfSystem:
+    """The same of a system with one input and one output."""
+
+    plant: DelayStateSpace
+
+    def __call__(self, s: Complexes) -> Complexes:
+        return np.asarray(1.0 / self.plant.transfer(s)[..., 0, 0])
+
+
+def family_of_model(plant: TransferFunction, *, kd: float = 0.0, name: str = "model", contour: Contour = AXIS) -> LoopFamily:
     """Take a transfer function with delay.
 
     Args:
         plant: proper, with or without delay.
         kd: derivative gain.
         name: of the plant.
+        contour: the line that roots are counted right of.
 
     Raises:
-        InvalidInputError: the plant does not answer at rest, or the loop with that derivative is not well-posed.
+        InvalidInputError: the plant does not answer at rest, the loop with that derivative is not well-posed, or infinitely many roots lie
+            right of the contour.
         NotConvergedError: a root lies on the imaginary axis without control, so that none can be counted there.
     """
     if plant.numerator[0] == 0.0:
         raise _no_answer_at_rest(name)
 
-    def inverse(omega: Floats) -> Complexes:
-        return np.asarray(1.0 / plant(1j * omega))
-
+    inverse = _OfModel(plant)
     at_rest = plant.denominator[0] / plant.numerator[0]
     base = _base(inverse, at_rest)
-    counted = open_loop_of_model(plant, _gains(base, kd, plant.input_unit, plant.output_unit))
+    if contour.damping == 0.0:
+        counted = open_loop_of_model(plant, _gains(base, kd, plant.input_unit, plant.output_unit))
+        outside = _finite(counted, name, kd)
+    else:
+        _refuse_endless_ray(contour, plant.delay > 0.0, name)
+        outside = _count_right(_loop_without_integral(plant, base, kd), contour, name, kd)
     unit = f"{plant.input_unit}/({plant.output_unit})"
-    return LoopFamily(name=name, inverse=inverse, at_rest=at_rest, kd=kd, base=base, unstable=_finite(counted, name, kd), gain_unit=unit)
+    marks = (*plant.poles, *plant.zeros)
+    return LoopFamily(
+        name=name,
+        inverse=inverse,
+        at_rest=at_rest,
+        kd=kd,
+        base=base,
+        unstable=outside,
+        gain_unit=unit,
+        contour=contour,
+        landmarks=_frequencies(np.array(marks, dtype=complex)),
+    )
 
 
 def family_of_system(
-    plant: DelayStateSpace, *, kd: float = 0.0, wires: LoopSignals = SPEED_BY_THROTTLE, name: str = "system"
+    plant: DelayStateSpace, *, kd: float = 0.0, wires: LoopSignals = SPEED_BY_THROTTLE, name: str = "system", contour: Contour = AXIS
 ) -> LoopFamily:
     """Take an exact linear model; the derivative acts on its own rate output.
 
@@ -54,9 +97,10 @@ def family_of_system(
         kd: derivative gain.
         wires: which signals close the loop.
         name: of the plant.
+        contour: the line that roots are counted right of.
 
     Raises:
-        InvalidInputError: the plant has no such signals, or does not answer at rest.
+        InvalidInputError: the plant has no such signals, does not answer at rest, or infinitely many roots lie right of the contour.
         AnalysisError: the plant integrates, or channels feed one another so that roots may be without number.
         NotConvergedError: the roots without control could not be counted.
     """
@@ -64,24 +108,72 @@ def family_of_system(
     gain = plant.static_gain(wires.drive, wires.measurement)
     if gain == 0.0:
         raise _no_answer_at_rest(name)
-
-    def inverse(omega: Floats) -> Complexes:
-        return np.asarray(1.0 / plant.transfer(1j * omega)[..., row, column])
-
     units = plant.inputs[column].unit, plant.outputs[row].unit
-    if kd == 0.0:
-        unstable = characteristic_roots(plant).unstable_count
+    own = characteristic_roots(plant)
+    if contour.damping == 0.0 and kd == 0.0:
+        outside = own.unstable_count
+    elif contour.damping == 0.0:
+        outside = _finite(open_loop_of_system(plant, _gains(0.0, kd, *units), wires=wires), name, kd)
     else:
-        unstable = _finite(open_loop_of_system(plant, _gains(0.0, kd, *units), wires=wires), name, kd)
+        _refuse_endless_ray(contour, bool(plant.lags.size), name)
+        outside = _count_right(_with_derivative(plant, kd, wires), contour, name, kd)
     return LoopFamily(
         name=name,
-        inverse=inverse,
+        inverse=_OfSystem(select(plant, [column], [row])),
         at_rest=1.0 / gain,
         kd=kd,
         base=0.0,
-        unstable=unstable,
+        unstable=outside,
         gain_unit=f"{units[0]}/({units[1]})",
+        contour=contour,
+        landmarks=_frequencies(own.roots),
     )
+
+
+def _frequencies(roots: Complexes) -> tuple[float, ...]:
+    """Where on the axis roots near it are felt: at their height and as far to both sides as they are away."""
+    upper = roots[roots.imag > 0.0]
+    spread = np.abs(upper.real)
+    return tuple(float(w) for w in np.concatenate((upper.imag - spread, upper.imag, upper.imag + spread)) if w > 0.0)
+
+
+def _loop_without_integral(plant: TransferFunction, kp: float, kd: float) -> DelayStateSpace:
+    """The closed loop of a plant under kp + kd s."""
+    over = np.convolve(plant.numerator, (kp, kd)) if kd != 0.0 else kp * np.array(plant.numerator)
+    loop = TransferFunction(numerator=tuple(float(c) for c in over), denominator=plant.denominator, delay=plant.delay)
+    return feed_back(to_state_space(loop), [[-1.0]])
+
+
+def _with_derivative(plant: DelayStateSpace, kd: float, wires: LoopSignals) -> DelayStateSpace:
+    if kd == 0.0:
+        return plant
+    feedback = np.zeros((len(plant.inputs), len(plant.outputs)))
+    feedback[position(plant.inputs, wires.drive), position(plant.outputs, wires.measurement_rate)] = -kd
+    return feed_back(plant, feedback)
+
+
+def _count_right(closed: DelayStateSpace, contour: Contour, name: str, kd: float) -> int:
+    """Count the roots right of a contour among the right-most, of which enough are listed to reach past it."""
+    count = 8
+    while count <= MOST_ROOTS:
+        roots = characteristic_roots(closed, count=count).roots
+        if roots.size < count or roots[-1].real < -contour.decay:
+            return int(np.sum(contour.is_right(roots)))
+        count *= 2
+    message = (
+        f"more than {MOST_ROOTS} roots of {name} with kd = {kd:g} decay slower than {contour.decay:g} 1/s, the decay asked for at "
+        f"{contour.up_to:g} rad/s; ask for less damping, or up to a lower frequency"
+    )
+    raise InvalidInputError(message, kd=kd, decay=contour.decay)
+
+
+def _refuse_endless_ray(contour: Contour, delayed: bool, name: str) -> None:  # noqa: FBT001 - a fact, not a mode
+    if delayed and not np.isfinite(contour.up_to):
+        message = (
+            f"a damping of {contour.damping:g} at every frequency is out of reach for {name}: its delay leaves roots whose damping ratio "
+            "goes to 0 while they decay ever faster; say up to which natural frequency roots must be damped"
+        )
+        raise InvalidInputError(message, damping=contour.damping)
 
 
 def _base(inverse: Inverse, at_rest: float) -> float:

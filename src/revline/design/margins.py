@@ -143,18 +143,21 @@ def find_margins(loop: OpenLoop, *, low: float = 1e-3) -> Margins:
     start = np.geomspace(low, _top(loop, low), 200)
     grid, followed = follow(lambda w: _values(loop, w)[None], start, delay=loop.delay, name=f"the loop {loop.name}")
     values = followed[0]
-    crossovers = tuple(_gain_crossover(loop, w) for w in roots_between(lambda w: abs(_at(loop, w)) - 1.0, grid, np.abs(values) - 1.0))
-    turns = roots_between(lambda w: float(_at(loop, w).imag), grid, values.imag)
-    negative = [(w, _at(loop, w)) for w in turns]
+    unity = roots_between(lambda w: np.abs(_values(loop, w)) - 1.0, grid, np.abs(values) - 1.0)
+    turns = roots_between(lambda w: _values(loop, w).imag, grid, values.imag)
     return Margins(
         loop=loop.name,
         stable=loop.stable,
         unstable_poles=loop.unstable_poles,
-        gain_crossovers=crossovers,
-        phase_crossovers=tuple(PhaseCrossover(frequency=w, gain_margin=1.0 / abs(v)) for w, v in negative if v.real < 0.0),
-        sensitivity=_peak(lambda w: 1.0 / (1.0 + _values(loop, w)), grid),
-        complementary=_peak(lambda w: 1.0 - 1.0 / (1.0 + _values(loop, w)), grid),
-        disk=_peak(lambda w: 1.0 / (1.0 + _values(loop, w)) - 0.5, grid),
+        gain_crossovers=tuple(_gain_crossover(float(w), complex(v)) for w, v in zip(unity, _values(loop, unity), strict=True)),
+        phase_crossovers=tuple(
+            PhaseCrossover(frequency=float(w), gain_margin=1.0 / abs(complex(v)))
+            for w, v in zip(turns, _values(loop, turns), strict=True)
+            if v.real < 0.0
+        ),
+        sensitivity=_peak(loop, lambda v: 1.0 / (1.0 + v), grid, values),
+        complementary=_peak(loop, lambda v: 1.0 - 1.0 / (1.0 + v), grid, values),
+        disk=_peak(loop, lambda v: 1.0 / (1.0 + v) - 0.5, grid, values),
         searched=(float(grid[0]), float(grid[-1])),
         points=grid.size,
     )
@@ -192,11 +195,12 @@ def _top(loop: OpenLoop, low: float) -> float:
     return float(grid[above[-1] + 1]) if above.size else float(grid[1])
 
 
-def _gain_crossover(loop: OpenLoop, omega: float) -> GainCrossover:
-    above = math.atan2(-_at(loop, omega).imag, -_at(loop, omega).real)  # phase of -L: phase above -180 degrees
+def _gain_crossover(omega: float, value: complex) -> GainCrossover:
+    above = math.atan2(-value.imag, -value.real)  # phase of -L: phase above -180 degrees
     return GainCrossover(frequency=omega, phase_margin_deg=math.degrees(above), delay_margin=(above % (2.0 * math.pi)) / omega)
 
 
-def _peak(function: Callable[[Floats], Complexes], grid: Floats) -> Peak:
-    value, frequency = highest(lambda w: np.abs(function(w)), grid, np.abs(function(grid)))
+def _peak(loop: OpenLoop, measure: Callable[[Complexes], Complexes], grid: Floats, values: Complexes) -> Peak:
+    """Largest magnitude of a measure of the loop."""
+    value, frequency = highest(lambda w: np.abs(measure(_values(loop, w))), grid, np.abs(measure(values)))
     return Peak(value=value, frequency=frequency)

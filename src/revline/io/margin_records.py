@@ -17,9 +17,17 @@ def margin_record(found: Margins, gains: PidGains) -> Mapping[str, object]:
         found: the margins.
         gains: of the controller.
     """
+    controller = {"kp": gains.kp, "ki": gains.ki, "kd": gains.kd, "rule": gains.rule, "designed_on": gains.designed_on}
+    return {"loop": found.loop, "controller": controller, **margin_fields(found)}
+
+
+def margin_fields(found: Margins) -> dict[str, object]:
+    """Give the margins alone as fields of a record.
+
+    Args:
+        found: the margins.
+    """
     record: dict[str, object] = {
-        "loop": found.loop,
-        "controller": {"kp": gains.kp, "ki": gains.ki, "kd": gains.kd, "rule": gains.rule, "designed_on": gains.designed_on},
         "stable": found.stable,
         "gain_crossovers": [
             {"frequency_rad_s": c.frequency, "phase_margin_deg": c.phase_margin_deg, "delay_margin_s": c.delay_margin}

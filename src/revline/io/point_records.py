@@ -1,7 +1,9 @@
 """Steady states and linear models about them as records for JSON and CSV, named as the engine's users name them."""
 
 from collections.abc import Mapping
+from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from revline.analysis.linearize import Linearization
@@ -9,6 +11,8 @@ from revline.analysis.operating_range import ErrorMeasure, LineFit, OperatingRan
 from revline.analysis.steady_map import SteadyMap
 from revline.analysis.trim import Trim
 from revline.io.csv_text import format_csv
+from revline.lti.root_regions import RootsInRegion
+from revline.lti.roots import RightmostRoots
 from revline.lti.state_space import DelayStateSpace, Signal
 from revline.units import speed_to_rpm
 
@@ -46,7 +50,7 @@ def trim_record(trim: Trim, model: DelayStateSpace) -> Mapping[str, object]:
         "residual": trim.residual,
         "stable": trim.stable,
         "unstable_roots": trim.unstable_count,
-        "rightmost_roots_rad_s": [[root.real, root.imag] for root in trim.roots.roots.tolist()],
+        "rightmost_roots_rad_s": _pairs(trim.roots.roots),
         "lags_s": {variable.name: trim.lag(variable.name) for variable in trim.channel_variables},
         "outputs": {v.name: {"value": trim.output(v.name), "unit": v.unit} for v in trim.output_variables},
         "alternatives": [_alternative(other) for other in trim.alternatives],
@@ -137,14 +141,14 @@ def operating_range_record(found: OperatingRange) -> Mapping[str, object]:
     }
 
 
-def linearization_record(linearization: Linearization, trim: Trim) -> Mapping[str, object]:
+def linearization_record(linearization: Linearization, trim: Trim) -> Mapping[str, Any]:
     """Give an exact linear model about a steady state as a record: dx = A x + Bu u + Bz zd, y = Cy x + .., z = Cz x + ...
 
     Args:
         linearization: of an engine.
         trim: the steady state.
     """
-    model = linearization.model
+    model, limits = linearization.model, linearization.find_limits()
     blocks = {name: getattr(model, name) for name in ("A", "Bu", "Bz", "Cy", "Dyu", "Dyz", "Cz", "Dzu", "Dzz")}
     return {
         "schema": "revline.linearization/1",
@@ -158,8 +162,44 @@ def linearization_record(linearization: Linearization, trim: Trim) -> Mapping[st
         "operating_point": trim_record(trim, model),
         "residual": trim.residual,
         "stable": trim.stable,
-        "warnings": [str(kink) for kink in linearization.kinks],
+        "kinks": [
+            {"result": k.result, "argument": k.argument, "below": k.below, "above": k.above, "used": k.used, "side": k.side}
+            for k in linearization.kinks
+        ],
+        "limits": [
+            {"results": list(m.results), "argument": m.argument, "at": m.at, "change": m.change, "unit": m.unit, "share": m.share}
+            for m in limits
+        ],
+        **({"spectral_abscissa_rad_s": trim.roots.spectral_abscissa} if trim.roots.roots.size else {}),
+        "warnings": [*trim_warnings(trim), *linearization.warnings(limits)],
     }
+
+
+def roots_record(roots: RightmostRoots) -> Mapping[str, Any]:
+    """Give right-most characteristic roots as a record.
+
+    Args:
+        roots: of a linear model.
+    """
+    return {"roots_rad_s": _pairs(roots.roots), "root_errors_rad_s": roots.errors, "unstable_roots": roots.unstable_count}
+
+
+def region_roots_record(found: RootsInRegion) -> Mapping[str, Any]:
+    """Give all characteristic roots right of a line as a record.
+
+    Args:
+        found: in a region that is open to the right.
+    """
+    return {
+        "roots_rad_s": _pairs(found.roots),
+        "root_errors_rad_s": found.errors,
+        "roots_right_of_rad_s": found.region.left,
+        "roots_counted": found.counted,
+    }
+
+
+def _pairs(roots: ArrayLike) -> list[list[float]]:
+    return [[root.real, root.imag] for root in np.asarray(roots, dtype=complex).tolist()]
 
 
 def _alternative(trim: Trim) -> Mapping[str, object]:

@@ -24,6 +24,9 @@ _TURNS = ("phase_turns", "counted")
 PARTIAL = "partial"
 """The comment of a file that holds only a part of the response asked for: what is missing, and why."""
 
+DISPUTED = "cross_check_failed"
+"""The comment of a file whose response another route contradicts: which, where, and by how much."""
+
 _AGREEMENT = 1e-9
 _TINY = 1e-300
 _FEWEST_FOR_SLOPE = 5
@@ -125,7 +128,7 @@ def read_response(path: str | Path, *, columns: Mapping[str, str] | None = None,
         input_amplitude=used,
         distortion=table.numbers("distortion") if "distortion" in table.header else np.zeros(0),
         metadata=table.metadata,
-        notes=(*notes, *_turn_notes(response, phases), *_lead_notes(response), *_partial_notes(table)),
+        notes=(*notes, *_turn_notes(response, phases), *_lead_notes(response), *_remark_notes(table)),
     )
 
 
@@ -144,7 +147,9 @@ def write_response(path: str | Path, response: FrequencyResponse, *, amplitude: 
     write_atomically(path, format_response(response, amplitude=amplitude, distortion=distortion), "frequency response")
 
 
-def format_response(response: FrequencyResponse, *, amplitude: float, distortion: Floats | None = None, partial: str = "") -> str:
+def format_response(
+    response: FrequencyResponse, *, amplitude: float, distortion: Floats | None = None, partial: str = "", disputed: str = ""
+) -> str:
     """Format a frequency response as CSV, so that `read_response` gives it back to the last bit.
 
     Columns: frequency_rad_s, amplitude_rad_s (magnitude where the output is no speed in rad/s), phase_deg, distortion where given, and
@@ -155,6 +160,7 @@ def format_response(response: FrequencyResponse, *, amplitude: float, distortion
         amplitude: of the input, in its unit; amplitudes are the magnitude times this.
         distortion: one per frequency, where the method has it.
         partial: what is missing and why, where the response is not whole.
+        disputed: how another route contradicts the response, where one does.
 
     Raises:
         InvalidInputError: the amplitude is not positive, the lengths differ, there is a frequency of 0, a magnitude is beyond the range
@@ -167,7 +173,7 @@ def format_response(response: FrequencyResponse, *, amplitude: float, distortion
             raise InvalidInputError(message)
     entries = _columns(response, amplitude, distortion)
     entries += [("gain_real", response.values.real), ("gain_imag", response.values.imag)]
-    remarks = {PARTIAL: partial} if partial else {}
+    remarks = {key: text for key, text in ((PARTIAL, partial), (DISPUTED, disputed)) if text}
     return format_csv(entries, notes={**dict(notes), **remarks})
 
 
@@ -318,8 +324,9 @@ def _make_response(table: CsvTable, omega: Floats, values: Complexes, *, is_ampl
     )
 
 
-def _partial_notes(table: CsvTable) -> tuple[str, ...]:
-    return (f"{table.path} is partial: {table.metadata[PARTIAL]}",) if PARTIAL in table.metadata else ()
+def _remark_notes(table: CsvTable) -> tuple[str, ...]:
+    said = ((PARTIAL, "is partial"), (DISPUTED, "holds a response that another route contradicts"))
+    return tuple(f"{table.path} {what}: {table.metadata[key]}" for key, what in said if key in table.metadata)
 
 
 def _turn_notes(response: FrequencyResponse, phases: Floats) -> tuple[str, ...]:

@@ -74,6 +74,11 @@ class AxisFunction:
         total = poly.polyadd(twice, poly.polyadd(2.0 * self.delay * poly.polyder(turning), self.delay**2 * turning))
         return np.asarray(poly.polyval(w, total))
 
+    def noise(self, w: Floats) -> Floats:
+        """Bound what rounding does to the value on [0, w]: a sum of so many terms, each off by a few units of its own."""
+        size = poly.polyval(w, np.abs(self.plain)) + poly.polyval(w, np.abs(self.turning))
+        return np.asarray(2.0 * np.finfo(float).eps * max(self.plain.size, self.turning.size) * size)
+
 
 def make_axis_function(plain: ArrayLike, turning: ArrayLike, delay: Seconds) -> AxisFunction:
     """Make the function plain(w) + turning(w) exp(-j w delay) of ascending coefficients, real or complex."""
@@ -139,7 +144,7 @@ def sign_changes(function: AxisFunction, high: RadiansPerSecond) -> Floats:
         high: end of the range.
 
     Returns:
-        The places, rising, each to rounding.
+        The places, rising, each to rounding; of roots that rounding cannot tell apart one where they are odd, none where they are even.
 
     Raises:
         NotConvergedError: more intervals stay undecided than a computation can hold.
@@ -151,7 +156,9 @@ def sign_changes(function: AxisFunction, high: RadiansPerSecond) -> Floats:
 
     def collect(pieces: _Pieces) -> Flags:
         value, slope = pieces.value.real, np.abs(pieces.slope.real)
-        free = np.abs(value) > slope * pieces.half + 0.5 * pieces.bend * pieces.half**2
+        # Where the value may be rounding, its sign is not that of its neighbours' ends: a change between them would be lost.
+        noise = function.noise(pieces.middle + pieces.half)
+        free = np.abs(value) > slope * pieces.half + 0.5 * pieces.bend * pieces.half**2 + noise
         narrow = pieces.narrow | (pieces.half <= NARROWEST_OF_ALL * high)
         single = ~free & ((slope > pieces.bend * pieces.half) | narrow)
         low, top = pieces.middle[single] - pieces.half[single], pieces.middle[single] + pieces.half[single]
@@ -160,7 +167,19 @@ def sign_changes(function: AxisFunction, high: RadiansPerSecond) -> Floats:
         return free | single
 
     _divide(function, high, collect)
-    return np.array(sorted(w for w in found if w > 0.0))
+    return _without_noise(function, sorted(w for w in found if w > 0.0))
+
+
+def _without_noise(function: AxisFunction, places: list[float]) -> Floats:
+    """Leave out pairs of changes between which the function is no larger than rounding: the sign comes back, if it ever went."""
+    kept: list[float] = []
+    for w in places:
+        middle = 0.5 * (kept[-1] + w) if kept else 0.0
+        if kept and abs(complex(function(middle)).real) <= float(function.noise(np.array(w))):
+            kept.pop()
+        else:
+            kept.append(w)
+    return np.array(kept)
 
 
 def _bisect(real: Callable[[float], float], low: float, high: float) -> float:

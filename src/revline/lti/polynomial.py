@@ -13,6 +13,9 @@ Coefficients = tuple[float, ...]
 
 _POLISH_STEPS = 8
 
+_CLUSTERED = 0.03
+"""Roots nearer to another, relative to their size, stay as they are: polished each by itself, they would be roots of another polynomial."""
+
 
 def trim_coefficients(coefficients: Iterable[float], what: str) -> Coefficients:
     """Check coefficients and drop the zeros at the highest powers.
@@ -50,9 +53,10 @@ def polynomial_values(coefficients: ArrayLike, s: ArrayLike) -> Complexes:
 
 
 def polynomial_roots(coefficients: ArrayLike) -> Complexes:
-    """Find all roots: eigenvalues of the scaled companion matrix, polished by Newton's method.
+    """Find all roots: eigenvalues of the scaled companion matrix, polished by Newton's method where no other is near.
 
-    Each root meets the polynomial to a few units of rounding, relative to the sum of the magnitudes of its terms there.
+    Each root meets the polynomial to a few units of rounding, relative to the sum of the magnitudes of its terms there; a multiple root
+    comes as a cluster, whose members may be off by far more but whose product of factors is the polynomial's.
 
     Args:
         coefficients: ascending powers, the last not zero.
@@ -81,7 +85,9 @@ def polynomial_roots(coefficients: ArrayLike) -> Complexes:
     companion = np.diag(np.ones(degree - 1), -1)
     companion[:, -1] = -monic[:-1]
     raw = np.asarray(np.linalg.eigvals(companion), dtype=complex)
-    upper = np.array([_polish(monic, complex(z)) for z in raw if z.imag >= 0.0])
+    gaps = np.min(np.abs(raw[:, None] - raw) + np.where(np.eye(degree) > 0.0, np.inf, 0.0), axis=1, initial=np.inf)
+    alone = gaps > _CLUSTERED * np.abs(raw)
+    upper = np.array([_polish(monic, complex(z)) if free else complex(z) for z, free in zip(raw, alone, strict=True) if z.imag >= 0.0])
     found = unit * np.concatenate([upper, np.conj(upper[upper.imag > 0.0])])
     return np.concatenate([np.zeros(zeros, dtype=complex), found[np.lexsort((found.imag, np.abs(found)))]])
 

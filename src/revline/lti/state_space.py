@@ -8,7 +8,7 @@ This is a linear fractional form: a system without memory of its own about the d
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -83,15 +83,17 @@ class DelayStateSpace:
         Raises:
             AnalysisError: the system has a pole at one of the numbers.
         """
-        points = np.asarray(s, dtype=complex)
-        unknown = len(self.states)
-        characteristic, forcing = self.characteristic(points), self._forcing(points)
+        return self._transfer(np.asarray(s, dtype=complex), slice(None), slice(None))
+
+    def _transfer(self, points: NDArray[Any], outputs: slice, inputs: slice) -> Complexes:
+        """Evaluate some rows and columns of the transfer matrix."""
+        characteristic, forcing = self.characteristic(points), self._forcing(points, inputs)
         try:
             inner = np.linalg.solve(characteristic, forcing)
         except np.linalg.LinAlgError as error:
             message = "the transfer function has a pole at a point asked for, an integrator at 0 for example; leave that point out"
             raise AnalysisError(message) from error
-        values = self.Dyu + self.Cy @ inner[..., :unknown, :] + self.Dyz @ inner[..., unknown:, :]
+        values = self.Dyu[outputs, inputs] + np.concatenate((self.Cy, self.Dyz), axis=1)[outputs] @ inner
         return np.asarray(values, dtype=complex)
 
     def characteristic(self, s: ArrayLike) -> Complexes:
@@ -113,10 +115,10 @@ class DelayStateSpace:
         matrix[..., unknown:, unknown:] = np.eye(readings) - decay * self.Dzz
         return matrix
 
-    def _forcing(self, points: Complexes) -> Complexes:
+    def _forcing(self, points: NDArray[Any], inputs: slice) -> Complexes:
         decay = np.exp(-points[..., None, None] * self.lags[:, None])
-        direct = np.broadcast_to(self.Bu, (*points.shape, *self.Bu.shape))
-        return np.concatenate((direct, decay * self.Dzu), axis=-2)
+        direct = np.broadcast_to(self.Bu[:, inputs], (*points.shape, *self.Bu[:, inputs].shape))
+        return np.concatenate((direct, decay * self.Dzu[:, inputs]), axis=-2)
 
     def response(self, omega: ArrayLike, input_name: str, output_name: str) -> FrequencyResponse:
         """Evaluate the exact frequency response from one input to one output.
@@ -137,7 +139,7 @@ class DelayStateSpace:
         frequencies = check_frequencies(omega)
         return FrequencyResponse(
             omega=frequencies,
-            values=self.transfer(1j * frequencies)[:, row, column],
+            values=self._transfer(1j * frequencies, slice(row, row + 1), slice(column, column + 1))[:, 0, 0],
             input_name=input_name,
             input_unit=self.inputs[column].unit,
             output_name=output_name,

@@ -10,7 +10,10 @@ import numpy as np
 from revline.design.closed_loop import LoopRun
 from revline.report.numbers import MINUS
 from revline.studies.config import reference_text
+from revline.studies.own_figures import OWN_CAPTIONS, OWN_ROWS, is_drawn
 from revline.studies.results import TimeRecord, title
+from revline.studies.routes import FIGURE as ROUTE_FIGURE
+from revline.studies.routes import ROUTE_ROW, route_caption
 from revline.studies.study_results import StudyResults
 from revline.studies.words import limit_text, listed, outcome_text, plant_name, relative_outcome, typographic
 
@@ -21,8 +24,13 @@ SPECTRUM_FIGURES = ("4.5", "4.6", "4.4", "4.7", "4.8", "4.9")
 
 
 def figure_rows() -> tuple[dict[str, str], ...]:
-    """Rows of the thesis's list of figures: id, title, axes and content."""
-    return tuple(csv.DictReader(io.StringIO(reference_text("figures.csv"))))
+    """Rows of the thesis's list of figures, then of the study's own: id, title and axes."""
+    return (*csv.DictReader(io.StringIO(reference_text("figures.csv"))), *(dict(row) for row in (ROUTE_ROW, *OWN_ROWS)))
+
+
+def figure_ids(results: StudyResults) -> tuple[str, ...]:
+    """Numbers of all figures that a study has: not every controller hunts."""
+    return tuple(row["id"] for row in figure_rows() if is_drawn(row["id"], results))
 
 
 def caption(figure: str, results: StudyResults) -> str:
@@ -238,6 +246,7 @@ CAPTIONS: Mapping[str, Caption] = MappingProxyType(
         "4.13": _delay,
         "4.14a": _model_bode("g2d"),
         "4.14b": _model_errors("g2d"),
+        ROUTE_FIGURE: lambda results: route_caption(results.routes),
         "5.1": _loop("c1", "g1"),
         "5.2": _closed_bode("c1", "g1"),
         "5.3": _tangents,
@@ -257,6 +266,7 @@ CAPTIONS: Mapping[str, Caption] = MappingProxyType(
         "6.3": _fixed("The answer that the models are compared with, as a deviation from the operating point."),
         "6.4": _sine_errors(1),
         "6.5": _sine_errors(2),
+        **OWN_CAPTIONS,
     }
 )
 """By figure."""

@@ -9,6 +9,8 @@ import numpy as np
 from revline.design.outcome import Diverged, LimitCycle
 from revline.studies.config import StudyConfig, read_table_4_1
 from revline.studies.results import title
+from revline.studies.routes import route_measures
+from revline.studies.stability_results import AT_START, AT_TARGET
 
 if TYPE_CHECKING:
     from revline.studies.results import ModelsResult
@@ -24,6 +26,9 @@ CONVERGED = (
     (100.0, 0.253493, -295.2858),
 )
 """Frequency in rad/s, amplitude in rad/s and phase in deg of the engine at 25 +- 5 deg, converged to all digits by harmonic balance."""
+
+EFFECT = ((0.1, 0.0012, 5e-5), (1.0, 0.0017, 5e-5), (5.0, 0.014, 5e-4), (7.0, 0.015, 5e-4), (20.0, 0.0094, 5e-5), (60.0, 0.0, 1e-3))
+"""Frequency in rad/s, by which part the exact response is above that to 5 deg, and the digits to which this is known from elsewhere."""
 
 STEADY_SPEEDS = (
     (10.0, 64.467),
@@ -70,7 +75,7 @@ def check_study(config: StudyConfig, results: "StudyResults") -> tuple[Check, ..
     own = tuple(_own_checks(config, results))
     if not config.asks_what_the_thesis_asked:
         return own
-    parts = (_point_checks, _response_checks, _model_checks, _controller_checks, _loop_checks)
+    parts = (_point_checks, _response_checks, _model_checks, _controller_checks, _loop_checks, _stability_checks)
     return own + tuple(check for part in parts for check in part(results))
 
 
@@ -88,6 +93,10 @@ def _own_checks(config: StudyConfig, results: "StudyResults") -> Iterator[Check]
     yield _check("highest frequency: amplitude over that of the exact small-signal response", stream.amplitude[-1] / exact[-1], 1.0, 0.05)
     gap = float(np.max(np.abs(stream.peak_amplitude / stream.amplitude - 1.0)))
     yield _check("largest difference of peak reading from the fundamental", gap, 0.0, 0.05)
+    for row in results.hunting.cycles:
+        yield _check(f"limit cycle of {title(row.controller)}: orbit off its simulation, in tolerances", row.gap / row.tolerance, 0.0, 1.0)
+    for name, measured, expected, tolerance in route_measures(results.routes):
+        yield _check(name, measured, expected, tolerance)
     gain = abs(results.models.fit("g2").fit.model.static_gain / results.point.gain - 1.0)
     yield _check("static gain of G2 over that of the engine, less one", gain, 0.0, 0.02)
     for spectrum in results.spectra:
@@ -128,6 +137,20 @@ def _response_checks(results: "StudyResults") -> Iterator[Check]:
         k = int(np.argmin(np.abs(stream.omega - frequency)))
         yield _check(f"fourier at {frequency:g} rad/s over the converged amplitude", stream.amplitude[k] / size, 1.0, 1e-4)
         yield _check(f"fourier at {frequency:g} rad/s, phase", stream.phase_deg[k], phase, 0.01, "deg")
+    for balance in results.routes.balances:
+        for frequency, size, phase in CONVERGED:
+            k = int(np.argmin(np.abs(balance.omega - frequency)))
+            yield _check(f"harmonic balance at {frequency:g} rad/s over the converged amplitude", balance.amplitude[k] / size, 1.0, 2e-6)
+            yield _check(f"harmonic balance at {frequency:g} rad/s, phase", balance.phase_deg[k], phase, 1e-4, "deg")
+    for effect in results.routes.effects:
+        for frequency, above, tolerance in EFFECT:
+            k = int(np.argmin(np.abs(effect.omega - frequency)))
+            yield _check(
+                f"exact response over that of harmonic balance at {frequency:g} rad/s, less one", effect.magnitude[k], above, tolerance
+            )
+        slow = effect.omega <= 10.0
+        yield _check("exact response off harmonic balance up to 10 rad/s", float(np.abs(effect.phase_deg[slow]).max()), 0.34, 0.01, "deg")
+        yield _check("exact response off harmonic balance at the highest frequency", float(effect.phase_deg[-1]), -1.71, 0.005, "deg")
 
 
 def _model_checks(results: "StudyResults") -> Iterator[Check]:
@@ -205,3 +228,17 @@ def _loop_checks(results: "StudyResults") -> Iterator[Check]:
             for model, value in zip(("g2", "g2d"), wanted, strict=True):
                 name = f"error of {title(model)} at {record.frequency:g} rad/s, its mean left out"
                 yield _check(name, record.swing(model), value, 0.1 * value + 0.05, "rad/s")
+
+
+def _stability_checks(results: "StudyResults") -> Iterator[Check]:
+    """Gains at which stability is lost, recomputed for the engine of Lee (1995) to all digits; C1's own ratio ki/kp is 7.83 per second."""
+    found, c1 = results.stability, results.controllers.gains["c1"]
+    for plant, name, alone, with_integral in ((AT_START, "25 deg", 2.106, 1.240), (AT_TARGET, "30 deg", 2.794, 1.927)):
+        for region in found.of_kd(0.0):
+            if region.plant == plant:
+                measured = region.intervals[-1][1]
+                yield _check(f"exact model at {name}: kp at which proportional control alone loses stability", measured, alone, 1e-3)
+        loop = found.margin("c1", plant)
+        if loop is not None and loop.margins.gain_fall is not None:
+            measured = c1.kp * loop.margins.gain_fall.gain_margin
+            yield _check(f"exact model at {name}: kp at which a controller of C1's ratio loses stability", measured, with_integral, 1e-3)

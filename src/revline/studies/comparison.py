@@ -19,7 +19,9 @@ NAMING = (
 )  # fmt: skip
 """Keys that tell one entry of a list from the others, in the order in which they are shown."""
 
-LEFT_OUT = frozenset({"schema", "seconds", "version", "figures", "guidelines", "warnings", "fine_tuning", "file", "form", "note"})
+LEFT_OUT = frozenset(
+    {"schema", "seconds", "version", "figures", "guidelines", "warnings", "fine_tuning", "file", "form", "note", "cross_check"}
+)
 """What tells of a run or words the numbers, and is no result by itself."""
 
 Leaf = float | bool | str

@@ -21,8 +21,12 @@ from revline.report.numbers import format_number
 from revline.studies import content_loops, content_models
 from revline.studies.config import StudyConfig
 from revline.studies.content_engine import engine_section
+from revline.studies.content_hunting import hunting_section, range_blocks
+from revline.studies.content_stability import stability_section
 from revline.studies.material import Material, figures
 from revline.studies.results import NoRange, RangeResult
+from revline.studies.routes import FIGURE as ROUTE_FIGURE
+from revline.studies.routes import route_words
 from revline.studies.words import listed, outcome_text, typographic
 from revline.units import RPM
 
@@ -44,6 +48,8 @@ def make_document(material: Material) -> Document:
         content_models.models_section,
         content_models.controllers_section,
         content_loops.loops_section,
+        stability_section,
+        hunting_section,
         content_loops.errors_section,
         _guidelines,
         _checks,
@@ -286,6 +292,9 @@ def _response(material: Material) -> Section:
             ),
             *figures(material, "4.10"),
             content_models.response_table(material.config, material.results),
+            Paragraph(marked(typographic(route_words(material.results.routes)))),
+            *figures(material, ROUTE_FIGURE),
+            *range_blocks(material),
         ),
     )
 

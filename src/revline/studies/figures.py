@@ -1,9 +1,8 @@
 """Which function draws which figure of the study, with which data. The numbering is that of Lee (1995)."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,7 +30,11 @@ from revline.report.steady import StraightLine, plot_steady_map
 from revline.report.style import DATA, MODELS, PLANT, PUBLISHED, Quantity
 from revline.studies.captions import SPECTRUM_FIGURES
 from revline.studies.config import StudyConfig
+from revline.studies.figure_call import FigureCall, to_draw
 from revline.studies.results import ErrorRecord, Floats, LoopRow, TimeRecord, title
+from revline.studies.routes import FIGURE as ROUTE_FIGURE
+from revline.studies.routes import ROUTE_AXES, route_curves
+from revline.studies.stability_figures import hunting_figures, region_figures
 from revline.studies.steps import table_response
 from revline.studies.study_results import StudyResults
 from revline.system import DelaySystem
@@ -48,18 +51,6 @@ LOOP_WINDOWS = MappingProxyType({"c1": 4.0, "c2": 3.0, "c2d": 4.0, "c2d_reduced"
 BODE_POINTS = 400
 
 
-class FigureCall(NamedTuple):
-    """A function that draws, and its arguments."""
-
-    function: Callable[..., Any]
-    arguments: tuple[Any, ...]
-    options: Mapping[str, Any]
-
-
-def _call(function: Callable[..., Any], *arguments: Any, **options: Any) -> FigureCall:
-    return FigureCall(function, arguments, options)
-
-
 def figure_calls(config: StudyConfig, engine: DelaySystem, results: StudyResults) -> dict[str, FigureCall]:
     """All figures by their number."""
     return {
@@ -68,9 +59,12 @@ def figure_calls(config: StudyConfig, engine: DelaySystem, results: StudyResults
         **_steady(results),
         **_spectra(config, results),
         **_bode(config, engine, results),
+        ROUTE_FIGURE: to_draw(plot_curves, route_curves(results.routes), *ROUTE_AXES, view=View(log="xy")),
         **_linear_loops(results),
         **_engine_loops(results),
         **_errors(results),
+        **region_figures(results),
+        **hunting_figures(results),
     }
 
 
@@ -82,7 +76,7 @@ def _relations(p: EngineParameters, trim: Trim) -> dict[str, FigureCall]:
     def drawn(x: Floats, now: float, relation: Callable[[float], float], horizontal: Quantity, vertical: Quantity) -> FigureCall:
         """The relation, and where on it the operating point is."""
         curve = Curve(x=x, y=np.array([relation(float(value)) for value in x]), look=PLANT)
-        return _call(plot_curves, [curve], horizontal, vertical, notes=[Note(now, relation(now), f"operating point, {now:.4g}")])
+        return to_draw(plot_curves, [curve], horizontal, vertical, notes=[Note(now, relation(now), f"operating point, {now:.4g}")])
 
     return {
         "3.2": drawn(
@@ -126,9 +120,9 @@ def _steps(results: StudyResults) -> dict[str, FigureCall]:
         ]
 
     return {
-        "3.7": _call(plot_curves, curves(steps.held, lambda r: r.throttle), TIME, THROTTLE, view=View(x=(0.0, 2.0))),
-        "3.8": _call(plot_curves, curves(steps.held, lambda r: r.pressure), TIME, PRESSURE, view=View(x=(0.4, 1.2))),
-        "3.9": _call(plot_curves, curves(steps.free, lambda r: r.speed), TIME, SPEED),
+        "3.7": to_draw(plot_curves, curves(steps.held, lambda r: r.throttle), TIME, THROTTLE, view=View(x=(0.0, 2.0))),
+        "3.8": to_draw(plot_curves, curves(steps.held, lambda r: r.pressure), TIME, PRESSURE, view=View(x=(0.4, 1.2))),
+        "3.9": to_draw(plot_curves, curves(steps.free, lambda r: r.speed), TIME, SPEED),
     }
 
 
@@ -140,9 +134,9 @@ def _steady(results: StudyResults) -> dict[str, FigureCall]:
     straight = StraightLine(line.slope, line.intercept, line.low, line.high)
     chosen = (np.array(line.values) >= line.low) & (np.array(line.values) <= line.high)
     return {
-        "4.1": _call(plot_steady_map, steady.values, outputs, stable, THROTTLE, SPEED, point=note),
-        "4.2a": _call(plot_steady_map, steady.values, outputs, stable, THROTTLE, SPEED, point=note, line=straight),
-        "4.2b": _call(
+        "4.1": to_draw(plot_steady_map, steady.values, outputs, stable, THROTTLE, SPEED, point=note),
+        "4.2a": to_draw(plot_steady_map, steady.values, outputs, stable, THROTTLE, SPEED, point=note, line=straight),
+        "4.2b": to_draw(
             plot_curves,
             [Curve(x=np.array(line.values)[chosen], y=np.array(line.errors)[chosen], look=MODELS[0])],
             THROTTLE,
@@ -164,7 +158,7 @@ def _spectra(config: StudyConfig, results: StudyResults) -> dict[str, FigureCall
     for number, check in zip(SPECTRUM_FIGURES, results.spectra, strict=True):
         spectrum = check.spectrum
         shown = spectrum.omega <= 8.0 * check.omega
-        calls[number] = _call(
+        calls[number] = to_draw(
             plot_spectrum,
             spectrum.omega[shown],
             spectrum.amplitude[shown],
@@ -174,14 +168,14 @@ def _spectra(config: StudyConfig, results: StudyResults) -> dict[str, FigureCall
             magnitude=Quantity("amplitude of the speed", "rad/s"),
         )
     times = results.sine.times
-    calls["4.3a"] = _call(
+    calls["4.3a"] = to_draw(
         plot_curves,
         [Curve(x=times, y=results.sine.throttle, look=PLANT)],
         TIME,
         THROTTLE,
         levels=[Level(config.throttle_deg, "operating point")],
     )
-    calls["4.3b"] = _call(
+    calls["4.3b"] = to_draw(
         plot_curves,
         [Curve(x=times, y=results.sine.speed, look=PLANT)],
         TIME,
@@ -207,15 +201,15 @@ def _bode(config: StudyConfig, engine: DelaySystem, results: StudyResults) -> di
     data = BodeTrace(results.response.response(ReadingMethod.FOURIER), "engine, fundamental", DATA)
     beside = [BodeTrace(table_response(), "Table 4.1 of Lee (1995)", PUBLISHED)] if config.is_the_thesis else []
     exact = BodeTrace(_exact_response(engine, results), "engine, exact small-signal", MODELS[0])
-    calls = {"4.10": _call(plot_bode, [data, *beside, exact])}
+    calls = {"4.10": to_draw(plot_bode, [data, *beside, exact])}
     for number, name in (("4.11", "g1"), ("4.12", "g2"), ("4.14", "g2d")):
         fit = results.models.fit(name).fit
-        calls[f"{number}a"] = _call(plot_bode, [data, BodeTrace(_model_response(results, name), title(name), MODELS[1])])
+        calls[f"{number}a"] = to_draw(plot_bode, [data, BodeTrace(_model_response(results, name), title(name), MODELS[1])])
         trace = ErrorTrace(fit.data.omega, fit.magnitude_error_db, fit.phase_error_deg, title(name))
-        calls[f"{number}b"] = _call(plot_response_errors, [trace])
+        calls[f"{number}b"] = to_draw(plot_response_errors, [trace])
     line = results.models.fit("g2d").fit.phase_line
-    calls["4.13"] = _call(plot_phase_line, line.omega, line.difference_deg, slope=line.slope, intercept_deg=line.intercept_deg)
-    calls["6.1"] = _call(plot_poles, [PoleSet(results.models.fit(name).fit.model.poles, title(name)) for name in ("g2", "g3", "g4")])
+    calls["4.13"] = to_draw(plot_phase_line, line.omega, line.difference_deg, slope=line.slope, intercept_deg=line.intercept_deg)
+    calls["6.1"] = to_draw(plot_poles, [PoleSet(results.models.fit(name).fit.model.poles, title(name)) for name in ("g2", "g3", "g4")])
     return calls
 
 
@@ -229,7 +223,7 @@ def _linear_loops(results: StudyResults) -> dict[str, FigureCall]:
     for number, controller, plant in (("5.2", "c1", "g1"), ("5.6", "c2", "g2"), ("5.7", "c2d", "g2d")):
         row = results.loops.row(controller, plant)
         response = closed_loop_response(results.models.fit(plant).fit.model, row.run.gains, np.geomspace(0.1, 300.0, BODE_POINTS))
-        calls[number] = _call(
+        calls[number] = to_draw(
             plot_closed_loop_bode, [BodeTrace(response, f"{title(plant)} with {title(controller)}")], bandwidth=row.bandwidth
         )
     traces = []
@@ -246,7 +240,7 @@ def _linear_loops(results: StudyResults) -> dict[str, FigureCall]:
                 label=title(name),
             )
         )
-    calls["5.3"] = _call(plot_tangents, traces, Quantity("speed", "rad/s"))
+    calls["5.3"] = to_draw(plot_tangents, traces, Quantity("speed", "rad/s"))
     return calls
 
 
@@ -256,14 +250,14 @@ def _linear_step(row: LoopRow) -> FigureCall:
     output = (run.output - run.start) / run.command
     quantity = Quantity("speed change over command", "1")
     if isinstance(run.outcome, Diverged):
-        return _call(plot_divergence, run.times, output, Command(0.0, 1.0), quantity)
+        return to_draw(plot_divergence, run.times, output, Command(0.0, 1.0), quantity)
     until = min({"c1": 1.0, "c2": 0.6, "c2d": 2.5, "c2d_reduced": 12.0}.get(row.controller, 4.0), float(run.times[-1]))
     try:
         measures = run.measures()
     except NotSettledError:
-        return _call(plot_step_response, run.times, output, Command(0.0, 1.0), quantity, until=until)
+        return to_draw(plot_step_response, run.times, output, Command(0.0, 1.0), quantity, until=until)
     scaled = _scaled(measures, run.start, run.command)
-    return _call(plot_step_response, run.times, output, Command(0.0, 1.0), quantity, measures=scaled, until=until)
+    return to_draw(plot_step_response, run.times, output, Command(0.0, 1.0), quantity, measures=scaled, until=until)
 
 
 def _scaled(measures: StepMeasures, start: float, command: float) -> StepMeasures:
@@ -285,7 +279,7 @@ def _engine_loops(results: StudyResults) -> dict[str, FigureCall]:
             outcome=run.outcome,
         )
         until = min(LOOP_WINDOWS[controller], float(run.times[-1]))
-        calls[number] = _call(plot_loop, trace, SPEED, THROTTLE, until=until)
+        calls[number] = to_draw(plot_loop, trace, SPEED, THROTTLE, until=until)
     return calls
 
 
@@ -298,7 +292,7 @@ def _errors(results: StudyResults) -> dict[str, FigureCall]:
 
     step, *sines = results.errors.records
     calls = {
-        "6.2": _call(
+        "6.2": to_draw(
             plot_curves_with_detail,
             error_curves(step),
             TIME,
@@ -307,9 +301,11 @@ def _errors(results: StudyResults) -> dict[str, FigureCall]:
             view=View(x=(0.4, 2.5)),
             detail=View(x=(step.start - 0.01, step.start + 0.15)),
         ),
-        "6.3": _call(plot_curves, [Curve(x=step.times, y=step.speed, look=PLANT)], TIME, Quantity("speed less its initial value", "rad/s")),
+        "6.3": to_draw(
+            plot_curves, [Curve(x=step.times, y=step.speed, look=PLANT)], TIME, Quantity("speed less its initial value", "rad/s")
+        ),
     }
     for number, record in zip(("6.4", "6.5"), sines, strict=False):
         cycles = 8.0 * 2.0 * np.pi / record.frequency
-        calls[number] = _call(plot_curves, error_curves(record), TIME, ERROR, levels=[Level(0.0)], view=View(x=(0.0, max(2.0, cycles))))
+        calls[number] = to_draw(plot_curves, error_curves(record), TIME, ERROR, levels=[Level(0.0)], view=View(x=(0.0, max(2.0, cycles))))
     return calls

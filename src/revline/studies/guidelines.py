@@ -4,17 +4,14 @@ from collections.abc import Iterator
 
 from revline.analysis.linearize import linearize
 from revline.design.closed_loop import LoopRun, describe_outcome
-from revline.design.gain_limit import GainLimit, NoGainLimit, find_gain_limit
-from revline.lti.state_space import position
+from revline.design.gain_rays import GainLimit, NoGainLimit, find_gain_limit
+from revline.design.loop_family import family_of_model, family_of_system
 from revline.studies.results import title
 from revline.studies.study_results import StudyResults
 from revline.system import DelaySystem
 
 SEARCH_TO = 1e4
-"""Highest frequency at which a gain limit of a linear model is looked for, in rad/s."""
-
-ENGINE_SEARCH_TO = 200.0
-"""The same for the engine's exact linear model."""
+"""Highest frequency at which a gain limit is looked for, in rad/s."""
 
 ALIKE = 0.1
 """Overshoots that differ by no more of the command count as foreseen."""
@@ -23,20 +20,14 @@ ALIKE = 0.1
 def find_limits(engine: DelaySystem, results: StudyResults) -> tuple[tuple[str, GainLimit | NoGainLimit, GainLimit | NoGainLimit], ...]:
     """Find gain limits of the linear models and of the engine's exact linear model: proportional control, and with C1's ratio ki/kp."""
     c1 = results.controllers.gains["c1"]
-    plants = [(name, results.models.fit(name).fit.model) for name in ("g1", "g2", "g2d")]
+    families = [(name, family_of_model(results.models.fit(name).fit.model, name=name)) for name in ("g1", "g2", "g2d")]
+    if results.point.trim.stable:  # a gain limit is that of a plant that is stable by itself
+        families.append(("engine, exact", family_of_system(linearize(engine, results.point.trim).model, name="the engine")))
     rows = []
-    for name, model in plants:
-        limits = [find_gain_limit(model, integral_ratio=ratio, high=SEARCH_TO) for ratio in (0.0, c1.ki / c1.kp)]
-        rows.append((name, limits[0], limits[1]))
-    if not results.point.trim.stable:
-        return tuple(rows)  # a gain limit is that of a plant that is stable by itself
-    exact = linearize(engine, results.point.trim).model
-    row, column = position(exact.outputs, "engine_speed"), position(exact.inputs, "throttle")
-    limits = [
-        find_gain_limit(lambda s: exact.transfer(s)[..., row, column], integral_ratio=ratio, high=ENGINE_SEARCH_TO)
-        for ratio in (0.0, c1.ki / c1.kp)
-    ]
-    return (*rows, ("engine, exact", limits[0], limits[1]))
+    for name, family in families:
+        alone, with_integral = (find_gain_limit(family, integral_ratio=ratio, high=SEARCH_TO) for ratio in (0.0, c1.ki / c1.kp))
+        rows.append((name, alone, with_integral))
+    return tuple(rows)
 
 
 def write_guidelines(engine: DelaySystem, results: StudyResults) -> tuple[str, ...]:

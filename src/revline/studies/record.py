@@ -16,11 +16,15 @@ from revline.design.closed_loop import LoopRun
 from revline.design.controller import PidGains
 from revline.design.outcome import Diverged, LimitCycle, Settled
 from revline.errors import NotSettledError
+from revline.io.linear_range_records import linear_range_record
 from revline.lti.response import FrequencyResponse
 from revline.studies.checks import Check
 from revline.studies.config import StudyConfig
+from revline.studies.hunting_record import hunting_record
 from revline.studies.parts import Parts
 from revline.studies.results import ControllersResult, ErrorsResult, LoopRow, ModelsResult, PointResult, RangeResult
+from revline.studies.routes import balance_rows, routes_fields
+from revline.studies.stability_record import stability_record
 from revline.studies.study_results import StudyResults
 
 SCHEMA = "revline.study/1"
@@ -260,10 +264,20 @@ PARTS: Mapping[str, Callable[[StudyConfig, Mapping[str, Any]], Record]] = Mappin
         "response": lambda config, found: {
             "frequency_response": response_records(config, found["response"], found["point"].exact),
         },
+        "routes": lambda config, found: {
+            "frequency_response": [
+                *response_records(config, found["response"], found["point"].exact),
+                *balance_rows(found["routes"]),
+            ],
+            "cross_check": routes_fields(found["routes"]),
+        },
         "models": lambda _, found: {"models": models_record(found["models"])},
         "table_models": lambda _, found: {"models_from_table": models_record(found["table_models"][0])} if found["table_models"] else {},
         "controllers": lambda _, found: controller_records(found["controllers"]),
         "loops": lambda _, found: {"closed_loops": [loop_record(row) for row in found["loops"].rows]},
+        "hunting": lambda _, found: {"hunting": hunting_record(found["hunting"])},
+        "linear_range": lambda _, found: {"linear_range": dict(linear_range_record(found["linear_range"]))},
+        "stability": lambda _, found: stability_record(found["stability"]),
         "errors": lambda _, found: {"model_errors": error_records(found["errors"])},
         "guidelines": lambda _, found: {"guidelines": list(found["guidelines"])},
     }

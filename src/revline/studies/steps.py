@@ -7,6 +7,7 @@ from typing import TypeVar
 import numpy as np
 
 from revline import signals
+from revline.analysis.linear_range import LinearRanges, find_linear_ranges
 from revline.analysis.linearize import linearize
 from revline.analysis.operating_range import LineFit, OperatingRange, find_operating_range, fit_line
 from revline.analysis.periodic import Excitation
@@ -53,6 +54,9 @@ SHOWN_SINE = 0.5
 
 REDUCTION = 0.1
 """Part of C2d's proportional gain in the over-reduced case. Source: Lee (1995), section 5.6."""
+
+RANGE_FREQUENCIES, RANGE_AMPLITUDES = 17, 10
+"""How many frequencies and amplitudes the linear model's range is looked for at."""
 
 RANGE_TOLERANCE = 0.01
 """Largest error of the straight line, as a fraction of its span, for the range chosen automatically."""
@@ -136,6 +140,14 @@ def excitation(config: StudyConfig) -> Excitation:
 def find_response(engine: DelaySystem, point: PointResult, config: StudyConfig, progress: Progress | None = None) -> Sinestream:
     """Find the frequency response by simulation."""
     return find_sinestream(engine, point.trim, excitation(config), np.array(config.frequencies), progress=progress)
+
+
+def find_linear_range(engine: DelaySystem, point: PointResult, config: StudyConfig, progress: Progress | None = None) -> LinearRanges:
+    """Find up to which amplitude the exact linear model holds, over the study's frequencies and up to its half range."""
+    frequencies = np.geomspace(config.frequencies[0], config.frequencies[-1], RANGE_FREQUENCIES)
+    room = min(config.half_range_deg, point.trim.input("throttle"), 90.0 - point.trim.input("throttle"))
+    amplitudes = np.linspace(room / RANGE_AMPLITUDES, room, RANGE_AMPLITUDES)
+    return find_linear_ranges(engine, point.trim, ("throttle", "engine_speed"), frequencies, amplitudes, progress=progress)
 
 
 def table_response() -> FrequencyResponse:

@@ -9,11 +9,13 @@ from revline.analysis.linearity import judge_linearity
 from revline.analysis.spectrum import check_spectra
 from revline.analysis.threads import Progress
 from revline.errors import AnalysisError, InvalidInputError, PartialResultError
-from revline.studies import loop_steps, steps
+from revline.studies import loop_steps, routes, steps
 from revline.studies.chain import Chain, Report
 from revline.studies.config import StudyConfig
 from revline.studies.guidelines import write_guidelines
+from revline.studies.hunting_steps import find_hunting
 from revline.studies.parts import Parts
+from revline.studies.stability_steps import find_stability
 from revline.studies.study_results import StudyResults
 from revline.system import DelaySystem
 from revline.values import fingerprint
@@ -63,6 +65,13 @@ STEPS = (
         ),
         0.25,
     ),
+    StudyStep(
+        "cross-check",
+        "routes",
+        ("point", "response"),
+        lambda task, point, response: routes.check_routes(task.engine, point, response, task.progress),
+        0.02,
+    ),
     StudyStep("models", "models", ("response",), lambda _, response: steps.fit_models(response.response()), 0.05),
     StudyStep(
         "models-of-table",
@@ -80,11 +89,32 @@ STEPS = (
         0.05,
     ),
     StudyStep(
+        "stability",
+        "stability",
+        ("point", "models", "controllers", "loops"),
+        lambda task, *found: find_stability(task.engine, *found),
+        0.02,
+    ),
+    StudyStep(
+        "hunting",
+        "hunting",
+        ("point", "controllers", "loops"),
+        lambda task, *found: find_hunting(task.engine, *found),
+        0.06,
+    ),
+    StudyStep(
+        "linear-range",
+        "linear_range",
+        ("point",),
+        lambda task, point: steps.find_linear_range(task.engine, point, task.config, task.progress),
+        0.01,
+    ),
+    StudyStep(
         "model-errors",
         "errors",
         ("point", "models"),
         lambda task, point, models: loop_steps.find_errors(task.engine, point, models, task.config),
-        0.03,
+        0.01,
     ),
 )
 """All steps but the guidelines, which need every other."""

@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass
 
+from revline.analysis.linear_range import LinearRanges
 from revline.analysis.linearity import LinearityVerdict
 from revline.analysis.sinestream import Sinestream
 from revline.analysis.spectrum import SpectralCheck
+from revline.studies.hunting_results import HuntingResult
 from revline.studies.results import (
     ControllersResult,
     ErrorsResult,
@@ -15,6 +17,8 @@ from revline.studies.results import (
     SineRecord,
     StepsResult,
 )
+from revline.studies.routes import RoutesResult
+from revline.studies.stability_results import StabilityResult
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -28,9 +32,13 @@ class StudyResults:
     linearity: LinearityVerdict
     sine: SineRecord
     response: Sinestream
+    routes: RoutesResult
     models: ModelsResult
     table_models: tuple[ModelsResult, ...]
     controllers: ControllersResult
     loops: LoopsResult
+    stability: StabilityResult
+    hunting: HuntingResult
+    linear_range: LinearRanges
     errors: ErrorsResult
     guidelines: tuple[str, ...] = ()

@@ -9,6 +9,7 @@ from revline.design.outcome import LimitCycle
 from revline.report.tables import NumberColumn, Table
 from revline.studies.config import StudyConfig, read_table_4_1
 from revline.studies.results import LoopRow, ModelsResult, title
+from revline.studies.stability_results import RegionRow
 from revline.studies.study_results import StudyResults
 
 Cell = float | str | None
@@ -30,6 +31,8 @@ def _tables(config: StudyConfig, results: StudyResults) -> Iterator[Table]:
         yield models_table("models_from_table_4_1", models)
     yield controllers_table(results)
     yield loops_table(results)
+    yield margins_table(results)
+    yield from (region_table(row) for row in results.stability.regions)
     for row in results.loops.rows:
         run = row.run
         yield _table(f"loop_{row.controller}_{row.plant}", ("time_s", "speed_rad_s", "throttle_deg"), (run.times, run.output, run.control))
@@ -120,3 +123,23 @@ def _loop_cells(row: LoopRow) -> tuple[Cell, ...]:
     overshoot: Cell = row.run.overshoot if outcome.name in {"settled", "limit-cycle"} else None
     bandwidth: Cell = row.bandwidth if row.bandwidth > 0.0 else None
     return (row.controller, row.plant, outcome.name, overshoot, bandwidth, *cycle, describe_outcome(row.run))
+
+
+def margins_table(results: StudyResults) -> Table:
+    """Margins of every loop; those that a loop does not have are left empty."""
+    columns = ("controller", "plant", "stable", "gain_margin_1", "phase_margin_deg", "delay_margin_s", "ms_1", "mt_1", "disk_margin_1")
+    rows: list[tuple[Cell, ...]] = []
+    for row in results.stability.margins:
+        found = row.margins
+        rise: Cell = None if found.gain_rise is None else found.gain_rise.gain_margin
+        phase: Cell = None if found.phase is None else found.phase.phase_margin_deg
+        delay: Cell = None if found.delay is None else found.delay.delay_margin
+        peaks = (found.sensitivity.value, found.complementary.value, found.disk_margin)
+        rows.append((row.controller, row.plant, "yes" if found.stable else "no", rise, phase, delay, *peaks))
+    return make_table("margins", columns, tuple(rows))
+
+
+def region_table(row: RegionRow) -> Table:
+    """Boundary of the gains that stabilise one plant at one kd, by rising frequency."""
+    name = f"gain_region_{row.plant}_kd_{row.kd:.3g}".replace("-", "_")
+    return _table(name, ("frequency_rad_s", "kp_deg_s_rad", "ki_deg_rad"), (row.omega, row.kp, row.ki))

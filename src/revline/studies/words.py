@@ -1,15 +1,20 @@
 """Outcomes and numbers in words, as the report says them."""
 
 import re
+from types import MappingProxyType
 
 from revline.design.closed_loop import LoopRun, describe_outcome
 from revline.design.outcome import Diverged, LimitCycle, Settled, Stalled
 from revline.errors import NotSettledError
 from revline.report.numbers import MINUS, format_number
 from revline.studies.results import title
+from revline.studies.stability_results import AT_START, AT_TARGET
 
 _POWER = re.compile(r"\d+(?:\.\d+)?e[+-]\d+")
 _SIGN = re.compile(r"(?<![\w.^)\]])-(?=\d)")
+
+PLANTS = MappingProxyType({"engine": "the engine", AT_START: "the engine at the start", AT_TARGET: "the engine at the target"})
+"""Plants that are no fitted model."""
 
 
 def typographic(text: str) -> str:
@@ -20,7 +25,7 @@ def typographic(text: str) -> str:
 
 def plant_name(plant: str) -> str:
     """A plant as a sentence names it: the engine, G2d."""
-    return "the engine" if plant == "engine" else title(plant)
+    return PLANTS.get(plant, title(plant))
 
 
 def ending(run: LoopRun) -> str:

@@ -15,7 +15,7 @@ from revline.report.figure_files import FigureTask, figure_task, write_figures
 from revline.report.html import write_html
 from revline.report.pdf import write_pdf
 from revline.report.tables import Table, write_tables
-from revline.studies.captions import caption, figure_rows, figure_title
+from revline.studies.captions import caption, figure_ids, figure_title
 from revline.studies.chain import FOLDER, Report, Stopwatch, code_digest
 from revline.studies.checks import Check, check_study
 from revline.studies.config import StudyConfig
@@ -28,6 +28,7 @@ from revline.studies.partial import write_partial_report
 from revline.studies.parts import Parts
 from revline.studies.record import partial_record, study_record
 from revline.studies.results import NoRange
+from revline.studies.routes import route_warnings
 from revline.studies.study import NUMBERS_SHARE, compute_study
 from revline.studies.study_results import StudyResults
 from revline.studies.tables import study_tables
@@ -206,6 +207,8 @@ def find_warnings(config: StudyConfig, results: StudyResults) -> Iterator[str]:
         yield f"the operating point is unstable without control ({trim.unstable_count} roots in the right half-plane)"
     yield from (str(left) for left in trim.left_out)
     yield from results.response.notes
+    yield from route_warnings(results.routes)
+    yield from (f"{row.controller}: {row.reason}" for row in (*results.hunting.without_cycle, *results.hunting.without_onset))
     if isinstance(results.range.widest, NoRange):
         yield f"no range chosen automatically: {results.range.widest.reason}"
     if not results.models.chosen:
@@ -242,9 +245,9 @@ def _left_out(reason: str) -> str:
 def figure_tasks(config: StudyConfig, engine: DelaySystem, results: StudyResults) -> tuple[FigureTask, ...]:
     """All figures still to be drawn, in the order of their numbers."""
     calls = figure_calls(config, engine, results)
-    numbers = [row["id"] for row in figure_rows() if row["id"] in calls]
     return tuple(
-        figure_task(f"figure_{number}", calls[number].function, *calls[number].arguments, **calls[number].options) for number in numbers
+        figure_task(f"figure_{number}", calls[number].function, *calls[number].arguments, **calls[number].options)
+        for number in figure_ids(results)
     )
 
 
@@ -309,12 +312,12 @@ def _write_record(config: StudyConfig, results: StudyResults, made: Made, report
     record = study_record(config, results, checks, warnings, made.seconds)
     record["figures"] = [
         {
-            "id": row["id"],
-            "title": figure_title(row["id"], results),
-            "file": f"figures/figure_{row['id']}.png",
-            "caption": caption(row["id"], results),
+            "id": number,
+            "title": figure_title(number, results),
+            "file": f"figures/figure_{number}.png",
+            "caption": caption(number, results),
         }
-        for row in figure_rows()
+        for number in figure_ids(results)
     ]
     write_json(files.folder / RESULTS, record, "results")
     remove_files(files.folder, sorted(set(files.before) - set(files.written.files)))

@@ -4,15 +4,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 from revline.analysis.linearize import linearize
 from revline.analysis.trim import find_trim
 from revline.design.controller import PidGains
-from revline.design.gain_limit import GainLimit, NoGainLimit, Transfer, find_gain_limit
-from revline.design.loop_stability import judge_loop_stability
+from revline.design.gain_curve import Contour, LoopFamily
+from revline.design.gain_rays import GainLimit, NoGainLimit, RayPlace, find_gain_limit, place_gains
+from revline.design.gain_region import find_gain_region
+from revline.design.loop_family import family_of_model, family_of_system
+from revline.design.loop_stability import count_unstable_poles, judge_loop_stability
 from revline.design.model_choice import fit_all_models
 from revline.engine.lee1995 import lee1995
 from revline.errors import InvalidInputError
@@ -20,11 +23,13 @@ from revline.lti.response import FrequencyResponse
 from revline.lti.transfer_function import TransferFunction
 
 C1_RATIO = 16.85 / 2.153
+G2D = TransferFunction(numerator=(12.0066,), denominator=(1.0, 0.55159, 0.034396), delay=0.0213)
 TABLE = Path(__file__).parents[2] / "src" / "revline" / "studies" / "reference" / "table_4_1.csv"
 
 
-def limit_of(transfer: Transfer, ratio: float = 0.0, low: float = 0.01) -> GainLimit:
-    found = find_gain_limit(transfer, integral_ratio=ratio, low=low)
+def limit_of(plant: TransferFunction | LoopFamily, ratio: float = 0.0) -> GainLimit:
+    family = plant if isinstance(plant, LoopFamily) else family_of_model(plant)
+    found = find_gain_limit(family, integral_ratio=ratio)
     assert isinstance(found, GainLimit)
     return found
 
@@ -87,7 +92,7 @@ def test_the_first_of_several_crossings_counts() -> None:
 @pytest.mark.parametrize("ratio", [0.0, 1.0])
 def test_one_and_two_lags_have_no_limit(denominator: tuple[float, ...], ratio: float) -> None:
     plant = TransferFunction(numerator=(12.0,), denominator=denominator)
-    assert find_gain_limit(plant, integral_ratio=ratio, high=500.0) == NoGainLimit(searched_to=500.0)
+    assert find_gain_limit(family_of_model(plant), integral_ratio=ratio, high=500.0) == NoGainLimit(searched_to=500.0)
 
 
 @pytest.mark.reference
@@ -102,8 +107,7 @@ def test_the_engine_loses_stability_at_the_known_gains(angle: float, ratio: floa
     """
     engine = lee1995()
     model = linearize(engine, find_trim(engine, inputs={"throttle": angle})).model
-    row, column = [s.name for s in model.outputs].index("engine_speed"), [s.name for s in model.inputs].index("throttle")
-    found = limit_of(lambda s: model.transfer(s)[:, row, column], ratio, low=0.1)
+    found = limit_of(family_of_system(model), ratio)
     assert found.kp == pytest.approx(kp, abs=5e-4)
     if frequency is not None:
         assert found.frequency == pytest.approx(frequency, abs=0.05)
@@ -123,7 +127,7 @@ def test_the_delayed_model_of_the_table_loses_stability_at_the_known_gain() -> N
         output_unit="rad/s",
         method="Table 4.1",
     )
-    found = limit_of(fit_g2d(response), C1_RATIO, low=0.1)
+    found = limit_of(fit_g2d(response), C1_RATIO)
     assert found.kp == pytest.approx(1.026, abs=5e-4)
 
 
@@ -131,29 +135,48 @@ def fit_g2d(response: FrequencyResponse) -> TransferFunction:
     return next(named.fit.model for named in fit_all_models(response) if named.name == "g2d")
 
 
+def test_slow_plants_are_followed_to_their_rest() -> None:
+    """A delay of an hour: the first crossing lies far below the frequency that a curve begins at elsewhere."""
+    found = limit_of(TransferFunction(numerator=(1.0,), denominator=(1.0, 3600.0), delay=3600.0))
+    quick = limit_of(TransferFunction(numerator=(1.0,), denominator=(1.0, 1.0), delay=1.0))
+    assert (found.kp, found.frequency * 3600.0) == pytest.approx((quick.kp, quick.frequency), rel=1e-9)
+
+
+def test_an_unstable_plant_has_a_limit_above_its_least_gain() -> None:
+    """(1 - s/10)^-2 needs derivative action; with kd = 1, kp from -1 on: (s/10)^2 + (kd - 0.2) s + 1 + kp has no upper limit."""
+    plant = TransferFunction(numerator=(1.0,), denominator=(1.0, -0.2, 0.01))
+    assert isinstance(find_gain_limit(family_of_model(plant, kd=1.0), high=200.0), NoGainLimit)
+
+
 @pytest.mark.parametrize(
-    ("plant", "ratio"),
+    ("plant", "ratio", "words"),
     [
-        (TransferFunction(numerator=(-2.0,), denominator=(1.0, 1.0)), 0.0),
-        (TransferFunction(numerator=(-2.0,), denominator=(1.0,)), 0.0),
-        (TransferFunction(numerator=(1.0,), denominator=(0.0, 1.0), delay=2.0), 0.6),
-        (TransferFunction(numerator=(1.0,), denominator=(1.0, 3.0, 3.0, 1.0), delay=30.0), 0.0),
+        (TransferFunction(numerator=(-2.0,), denominator=(1.0, 1.0)), 0.0, "positive gain at rest"),
+        (
+            TransferFunction(numerator=(1.0,), denominator=(0.0, 1.0), delay=2.0),
+            0.6,
+            r"no proportional gain up to 204\.8 stabilises model with ki/kp = 0\.6",
+        ),
+        (TransferFunction(numerator=(1.0,), denominator=(1.0, -0.1, 1.0)), 0.0, "stabilises model with ki/kp = 0 1/s"),
     ],
-    ids=["negative-lag", "negative-gain", "no-gain-is-stable", "first-crossing-below-the-range"],
+    ids=["negative-lag", "no-ratio-is-stable", "no-gain-is-stable"],
 )
-def test_a_phase_that_is_past_half_a_turn_from_the_start_is_refused(plant: TransferFunction, ratio: float) -> None:
-    """Else a loop that no or only other gains stabilise would be called safe."""
-    with pytest.raises(
-        InvalidInputError, match=r"at 0.1 rad/s the loop's phase is already beyond -180 deg: .* search from a lower frequency"
-    ):
-        find_gain_limit(plant, integral_ratio=ratio)
+def test_plants_without_stabilising_gains_are_refused(plant: TransferFunction, ratio: float, words: str) -> None:
+    """Else a loop that no gains stabilise would be called safe."""
+    with pytest.raises(InvalidInputError, match=words):
+        find_gain_limit(family_of_model(plant), integral_ratio=ratio)
+
+
+def test_a_contour_of_damping_has_no_gain_limit() -> None:
+    plant = TransferFunction(numerator=(1.0,), denominator=(1.0, 1.0))
+    with pytest.raises(InvalidInputError, match="give no damping"):
+        find_gain_limit(family_of_model(plant, contour=Contour(damping=0.1)))
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"low": 0.0}, "highest frequency = 1000 rad/s is outside values above 0"),
-        ({"low": 10.0, "high": 5.0}, "highest frequency = 5 rad/s is outside values above 10"),
+        ({"high": 0.0}, "highest frequency = 0 rad/s is outside values above 0"),
         ({"high": math.inf}, "highest frequency = inf rad/s is outside"),
         ({"integral_ratio": -1.0}, "ratio of ki to kp = -1 1/s is outside 0 and above"),
         ({"integral_ratio": math.nan}, "ratio of ki to kp = nan 1/s is outside 0 and above"),
@@ -161,4 +184,34 @@ def test_a_phase_that_is_past_half_a_turn_from_the_start_is_refused(plant: Trans
 )
 def test_arguments_are_checked(options: dict[str, float], message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
-        find_gain_limit(TransferFunction(numerator=(1.0,), denominator=(1.0, 1.0)), **options)
+        find_gain_limit(family_of_model(TransferFunction(numerator=(1.0,), denominator=(1.0, 1.0))), **options)
+
+
+def place_on_g2d(kp: float, ki: float, kd: float) -> RayPlace:
+    return place_gains(find_gain_region(family_of_model(G2D, kd=kd)), kp, ki)
+
+
+@given(kp=st.floats(0.05, 3.0), ki=st.just(0.0) | st.floats(0.1, 40.0), kd=st.sampled_from([0.0, 0.05]))
+@settings(max_examples=30, deadline=None)
+def test_a_controller_scaled_to_a_crossing_is_on_the_edge(kp: float, ki: float, kd: float) -> None:
+    """The count of roots by the principle of the argument, on both sides of the crossings next to the controller."""
+    place = place_on_g2d(kp, ki, kd)
+    beside = [c for c in (place.fall, place.rise) if c is not None]
+    assert beside
+    for crossing in beside:
+        below, above = (
+            count_unstable_poles(
+                G2D,
+                PidGains(kp=f * kp, ki=f * ki, kd=kd, input_unit="1", output_unit="1", rule="r", designed_on="p"),
+            )
+            for f in (crossing.factor * (1.0 - 1e-6), crossing.factor * (1.0 + 1e-6))
+        )
+        assert above - below == crossing.change
+        assert place.unstable == (below if crossing.factor > 1.0 else above)
+
+
+def test_gains_on_no_ray_are_refused() -> None:
+    region = find_gain_region(family_of_model(G2D))
+    for kp, ki in ((0.0, 0.0), (1.0, -1.0), (math.inf, 1.0)):
+        with pytest.raises(InvalidInputError, match="with a kp or ki that is not 0"):
+            place_gains(region, kp, ki)

@@ -1,0 +1,134 @@
+"""Harmonic balance at many frequencies in batches, keeping what is found where a frequency has no answer or the whole is interrupted."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from revline.analysis.harmonic_balance import BalanceSettings, HarmonicBalance, balance_harmonics
+from revline.analysis.linearize import linearize
+from revline.analysis.periodic import Excitation, check_excitation
+from revline.analysis.phase_turns import read_turns
+from revline.analysis.sinestream import MissingAnswer
+from revline.analysis.threads import Progress
+from revline.analysis.trim import Trim
+from revline.errors import AnalysisError, out_of_range
+from revline.lti.response import check_frequencies
+from revline.system import DelaySystem, Floats
+
+BATCH = 32
+"""Frequencies at once: orbits with the most harmonics then take some hundred megabytes."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartialBalance:
+    """What is found of a response by harmonic balance, and what is not.
+
+    Attributes:
+        finished: the answers at the frequencies that have one.
+        missing: the others.
+    """
+
+    finished: HarmonicBalance
+    missing: tuple[MissingAnswer, ...]
+
+    def __str__(self) -> str:
+        """Say what is missing, and why."""
+        count = self.finished.omega.size
+        missing = "; ".join(f"{entry.omega:g} rad/s ({entry.reason})" for entry in self.missing)
+        return f"{count} of {count + len(self.missing)} frequencies are finished; missing: {missing}"
+
+
+def attempt_balance(
+    system: DelaySystem,
+    trim: Trim,
+    excitation: Excitation,
+    frequencies: ArrayLike,
+    *,
+    settings: BalanceSettings | None = None,
+    progress: Progress | None = None,
+) -> HarmonicBalance | PartialBalance:
+    """Balance harmonics as `balance_harmonics` does, and keep what is found where a frequency has no answer.
+
+    Args:
+        system: any system with delay channels.
+        trim: a stable steady state.
+        excitation: what is moved, how far, and what is watched.
+        frequencies: in rad/s, above 0, strictly rising; any number of them.
+        settings: tolerance and most harmonics.
+        progress: told which part of the frequencies is done.
+
+    Returns:
+        All answers, or those found with the reason why each other frequency is missing.
+
+    Raises:
+        InvalidInputError, AnalysisError, KeyboardInterrupt: as for `balance_harmonics`; of the frequencies' own errors the first, where
+            none has an answer.
+    """
+    omega = check_frequencies(frequencies)
+    if omega[0] == 0.0:
+        raise out_of_range("frequency", 0.0, "rad/s", "values above 0", "ask for the steady map instead")
+    check_excitation(system, trim, excitation)
+    parts: list[HarmonicBalance] = []
+    failures: list[tuple[float, AnalysisError | KeyboardInterrupt]] = []
+    done = 0
+    try:
+        for batch in np.array_split(omega, -(-omega.size // BATCH)):
+            for part, found in _take(system, trim, excitation, batch, settings):
+                if isinstance(found, AnalysisError):
+                    failures.append((float(part[0]), found))
+                else:
+                    parts.append(found)
+                done += part.size
+            if progress is not None:
+                progress(done / omega.size)
+    except KeyboardInterrupt as interruption:
+        failures += [(float(w), interruption) for w in omega[done:]]
+    if not parts:
+        raise failures[0][1]
+    whole = _merge(system, trim, parts)
+    if not failures:
+        return whole
+    return PartialBalance(finished=whole, missing=tuple(MissingAnswer(w, str(error) or "interrupted") for w, error in failures))
+
+
+def _take(
+    system: DelaySystem, trim: Trim, excitation: Excitation, batch: Floats, settings: BalanceSettings | None
+) -> Iterator[tuple[Floats, HarmonicBalance | AnalysisError]]:
+    """Balance a batch at once, or, where one of its frequencies fails, each by itself."""
+    try:
+        yield batch, balance_harmonics(system, trim, excitation, batch, settings=settings)
+    except AnalysisError as error:
+        if batch.size == 1:
+            yield batch, error
+            return
+        for k in range(batch.size):
+            yield from _take(system, trim, excitation, batch[k : k + 1], settings)
+
+
+def _merge(system: DelaySystem, trim: Trim, parts: list[HarmonicBalance]) -> HarmonicBalance:
+    """Put batches together; turns are counted over all frequencies, as from the lowest one."""
+    if len(parts) == 1:
+        return parts[0]
+    first = parts[0]
+
+    def joined(name: str) -> Floats:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    starts = np.cumsum([0, *(part.omega.size for part in parts[:-1])])
+    omega, model = joined("omega"), linearize(system, trim).model
+    values = np.concatenate([part.fundamental.values for part in parts])
+    fundamental = read_turns(values, model.response(omega, first.moved.name, first.watched.name), model)
+    return replace(
+        first,
+        omega=omega,
+        fundamental=fundamental,
+        batches=tuple(replace(batch, rows=batch.rows + ahead) for part, ahead in zip(parts, starts, strict=True) for batch in part.batches),
+        notes=(*fundamental.notes, *(note for part in parts for note in part.notes[len(part.fundamental.notes) :])),
+        harmonics=joined("harmonics"),
+        distortion=joined("distortion"),
+        mean=joined("mean"),
+        error=joined("error"),
+        last_step=joined("last_step"),
+    )

@@ -1,0 +1,97 @@
+"""The command limit-cycle: the orbit that a closed speed loop hunts in, its stability, and how hunting begins."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from revline.cli.loop_command import throttle_limits
+from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption, ThrottleOption
+from revline.cli.shell import Facts, Grid, Shell
+
+if TYPE_CHECKING:
+    from revline.analysis.trim import Trim
+    from revline.design.closed_loop import LoopRun
+    from revline.design.hunting import HuntingOrbit
+    from revline.design.onset import HuntingOnset
+    from revline.system import DelaySystem
+
+AMPLE = 1.15
+"""The family from the onset is followed to this multiple of the cycle's amplitude, so that it passes the gains given."""
+
+WITHOUT_CYCLE = 0.03
+"""Where the loop does not hunt, it is followed to this part of the speed."""
+
+
+def limit_cycle(
+    *,
+    controller: Annotated[Path, typer.Argument(metavar="CONTROLLER.json", help="Controller file.")],
+    throttle: ThrottleOption,
+    load: LoadOption = 0.0,
+    command: Annotated[
+        float, typer.Option("--command", metavar="RAD_S", help="Step of the speed command that the loop starts with [rad/s].")
+    ] = 60.0,
+    until: Annotated[
+        float, typer.Option("--until", metavar="S", help="Stop time of the simulation [s]; made longer where it does not decide.")
+    ] = 20.0,
+    onset: Annotated[bool, typer.Option("--onset", help="Also find at which multiple of all gains hunting begins, and how.")] = False,
+    engine: EngineOption = DEFAULT_ENGINE,
+    out: OutOption = None,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Find the limit cycle that a closed speed loop ends in after a step of its command, and whether it is stable.
+
+    The loop is run as by `loop`. If it hunts, the cycle is computed as an orbit, its kinks at the throttle's limits met, and held against
+    the run; that they disagree is an error. If it settles, diverges or stalls, that is the result.
+    """
+    from revline.analysis.trim import find_trim
+    from revline.design.closed_loop import Limits, LoopTask, describe_outcome, operating_point
+    from revline.design.hunting import confirm_cycle, run_to_its_end
+    from revline.design.outcome import LimitCycle
+    from revline.engine.lee1995 import lee1995_parameters
+    from revline.io.controller_files import read_controller
+    from revline.io.cycle_records import describe_orbit, onset_record, orbit_record, run_record
+    from revline.io.engine_files import load_engine
+    from revline.io.json_files import format_json
+
+    shell = Shell(json=json, quiet=quiet)
+    shell.prepare(out, "limit cycle")
+    gains = read_controller(controller).gains
+    plant = load_engine(engine)
+    trim = find_trim(plant, inputs={"throttle": throttle, "load_torque": load})
+    limits = Limits(*throttle_limits((None, None), lee1995_parameters(plant).throttle.saturation_angle))
+    with shell.busy("running the loop; the first run of all compiles it, which takes some seconds"):
+        run = run_to_its_end(plant, operating_point(trim), gains, LoopTask(command=command, until=until), limits=limits)
+    record, parts = dict(run_record(run)), list[Facts | Grid | str]([describe_outcome(run)])
+    orbit = None
+    if isinstance(run.outcome, LimitCycle):
+        with shell.busy("finding the cycle"):
+            orbit = confirm_cycle(plant, operating_point(trim), run)
+        record |= orbit_record(orbit)
+        parts.append(Facts(f"Limit cycle of {plant.name} under {gains.rule}", describe_orbit(orbit)))
+    if onset:
+        with shell.busy("following the cycles from where they begin"):
+            begins = _find_onset(plant, trim, run, orbit)
+        record |= onset_record(begins)
+        parts += _onset_parts(begins)
+    shell.write(out, format_json(record), "limit cycle")
+    shell.show(record, *parts, text_on=out)
+
+
+def _find_onset(plant: "DelaySystem", trim: "Trim", run: "LoopRun", orbit: "HuntingOrbit | None") -> "HuntingOnset":
+    from revline.design.onset import RayTask, find_onset
+
+    largest = WITHOUT_CYCLE * run.start if orbit is None else AMPLE * float(orbit.harmonics[0])
+    return find_onset(plant, trim, run.gains, RayTask(command=run.command, largest=largest), limits=run.limits)
+
+
+def _onset_parts(onset: "HuntingOnset") -> "list[Facts | Grid | str]":
+    from revline.io.cycle_records import describe_onset
+
+    rows = [
+        (p.factor, p.amplitude, p.period, ("stable" if p.stable else "unstable") if p.certain else "not certain", f"{p.largest:.4g}")
+        for p in onset.points
+    ]
+    header = ("factor of all gains", "amplitude [rad/s]", "period [s]", "cycle", "largest multiplier")
+    return [Facts("Onset of hunting", describe_onset(onset)), Grid("Cycles from the onset on", header, rows)]
