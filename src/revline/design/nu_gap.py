@@ -10,8 +10,8 @@ eta0 those at 0. Delays stay exact: on the axis exp(-jw tau) is a number like an
 
 The plants are weighed first, P W against C/W. With W = C the loops P C are compared under unit feedback, which has no units.
 
-Source: Vinnicombe (1993), IEEE Transactions on Automatic Control 38(9), 1371-1383; pointwise form: Vinnicombe (2001), Uncertainty and
-Feedback, chapter 3.
+Source: Vinnicombe (1993), IEEE Transactions on Automatic Control 38(9), 1371-1383; frequency by frequency: Vinnicombe (2000),
+Uncertainty and Feedback; plants that are not rational, as with delays: Ball and Sasane (2012), arXiv 1003.0108.
 """
 
 import math
@@ -81,6 +81,7 @@ class Guarantee:
         margin: of the controller on the first plant, b: the least chord to what would make the loop oscillate; 0 where it is unstable.
         margin_frequency: where it is, in rad/s.
         chords: to what would make the loop oscillate, first plant, on the gap's grid.
+        beyond: above the grid those chords stay above this.
         reserve: least over frequency of arcsin(chord) - arcsin(psi), in rad; above 0 is enough at each frequency by itself.
         reserve_frequency: where it is, in rad/s.
         other_margin: of the controller on the second plant, computed from that plant itself; 0 where it is unstable.
@@ -92,6 +93,7 @@ class Guarantee:
     margin: float
     margin_frequency: RadiansPerSecond
     chords: Floats
+    beyond: float
     reserve: float
     reserve_frequency: RadiansPerSecond
     other_margin: float
@@ -103,22 +105,34 @@ class Guarantee:
     @property
     def guaranteed(self) -> bool:
         """Whether the gap is below the margin, so that the controller stabilises every plant so near."""
-        return self.gap.bound < self.margin
+        return self.gap.bound < self.assured
+
+    @property
+    def assured(self) -> float:
+        """What the margin is not below, what lies beyond the grid included."""
+        return min(self.margin, self.beyond)
+
+    @property
+    def stable(self) -> bool:
+        """Whether the loop with the second plant is stable, counted from that plant itself."""
+        return self.unstable_poles[1] == 0
 
     @property
     def guaranteed_pointwise(self) -> bool:
         """Whether the chord is below the margin's at each frequency, which is enough where the plants turn alike."""
-        return self.unstable_poles[0] == 0 and self.gap.bound < 1.0 and self.reserve > 0.0 and self.gap.beyond < self.margin
+        return self.unstable_poles[0] == 0 and self.gap.bound < 1.0 and self.reserve > 0.0 and self.gap.beyond < self.beyond
 
     @property
     def floor(self) -> float:
         """What the margin on the second plant is not below: sin(arcsin b - arcsin gap), or 0."""
-        return math.sin(max(math.asin(self.margin) - math.asin(self.gap.bound), 0.0))
+        return math.sin(max(math.asin(self.assured) - math.asin(self.gap.bound), 0.0))
 
     @property
     def pointwise_floor(self) -> float:
-        """The same from the reserve at each frequency; never below `floor` but for what lies beyond the grid."""
-        return math.sin(self.reserve) if self.guaranteed_pointwise else 0.0
+        """The same from the reserve at each frequency, which is never less."""
+        if not self.guaranteed_pointwise:
+            return 0.0
+        return max(math.sin(min(self.reserve, math.asin(self.beyond) - math.asin(self.gap.beyond))), self.floor)
 
 
 def find_nu_gap(first: ComparedPlant, second: ComparedPlant, *, weight: Weight | None = None) -> NuGap:
@@ -165,7 +179,7 @@ def judge_controller(first: ComparedPlant, second: ComparedPlant, gains: PidGain
         AnalysisError: two counts of the closed loops' unstable poles differ: a plant hides an unstable part.
 
     Source:
-        Vinnicombe (1993), theorems 3.1 and 4.2 there; the pointwise form is that of Vinnicombe (2001), chapter 3.
+        Vinnicombe (1993); frequency by frequency: Vinnicombe (2000), Uncertainty and Feedback.
     """
     weight = weight or controller_weight(gains)
     if weight.gains is None and gains.kd != 0.0:
@@ -195,6 +209,7 @@ def judge_controller(first: ComparedPlant, second: ComparedPlant, gains: PidGain
         margin=margin if counts[0] == 0 else 0.0,
         margin_frequency=at,
         chords=chords,
+        beyond=max(end - pair.drift(float(grid[-1])), 0.0),
         reserve=reserve,
         reserve_frequency=where,
         other_margin=other if counts[1] == 0 else 0.0,
@@ -204,7 +219,7 @@ def judge_controller(first: ComparedPlant, second: ComparedPlant, gains: PidGain
 
 def _gap(pair: PlantPair) -> tuple[NuGap, Followed]:
     """Give the gap, and the functions followed: those of `PlantPair.followed`, and last, unless the gap is 1 anyhow, 1 + P2* P1."""
-    start = np.geomspace(pair.low(), pair.high(), 200)
+    start = np.geomspace(0.01 * pair.low(), pair.high(), 200)
     followed = follow(pair.followed, start, delay=pair.delay, name=pair.name)
     longest, frequency = highest(pair.psi, followed.grid, chord(*followed.values[:2]))
     end = float(chord(np.array(pair.ends[0]), np.array(pair.ends[1])))

@@ -16,8 +16,9 @@ from revline.errors import InvalidInputError, NotConvergedError
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
-FLOOR = 1e-3
-"""The grid ends where both weighed plants stay this near to their values at infinite frequency; the chord then stays near its own."""
+FLOOR = 1e-2
+"""The grid ends where both weighed plants, and their loops, stay this near to their values at infinite frequency, relative to the largest
+distance from these where that is below 1. Nearer would make long delays dear and change nothing: beyond the grid all is bounded."""
 
 LOW = 1e-3
 """Frequency at which the grid begins, unless it must be lowered, in rad/s."""
@@ -125,6 +126,13 @@ class PlantPair:
         ]
         return found[0], found[1]
 
+    def drift(self, w: float) -> float:
+        """Give by how much the first plant's chord to oscillation may still fall below its least value at infinite frequency."""
+        at = np.array([w])
+        back = self.back(at)[0]
+        settled = back if self.gains is None or self.weight.gains is not None else self.gains.kp / self.weight.leading
+        return float(self.distances_from_end(at)[0, 0] + abs(back - settled))
+
     def loop_ends(self) -> tuple[float, float]:
         """Give what 1 + P C goes to at infinite frequency, or the middle of where it stays."""
         one, two = (
@@ -177,7 +185,8 @@ class PlantPair:
             InvalidInputError: there is none: improper, or nearly so.
         """
         grid = np.geomspace(LOW, HIGHEST, 60 * round(math.log10(HIGHEST / LOW)))
-        above = np.flatnonzero(~np.all(self.distances_from_end(grid) < FLOOR, axis=0))
+        distances = self.distances_from_end(grid) * np.maximum(np.abs(self.back(grid)), 1.0)
+        above = np.flatnonzero(~np.all(distances < FLOOR * float(np.clip(np.max(distances), 1e-4, 1.0)), axis=0))
         if above.size and above[-1] == grid.size - 1:
             message = (
                 f"{self.name} does not fall up to {HIGHEST:g} rad/s and is improper, or nearly so: distances there mean nothing; {FILTER}"
