@@ -104,7 +104,8 @@ def summarise(found: Guarantee, controller: str) -> str:
         return f"{reason}: it is sure to stabilise {second}, with a margin of at least {found.floor:.3g}; it has {found.other_margin:.3g}"
     if found.guaranteed_pointwise:
         reason = f"the nu-gap {gap.value:.3g} is not below {controller}'s margin {found.margin:.3g} on {first}"
-        return f"{reason}, but at each frequency the chord is below the loop's own: it is sure to stabilise {second}, with a margin of at least {found.pointwise_floor:.3g}"
+        floor = f"with a margin of at least {found.pointwise_floor:.3g}"
+        return f"{reason}, but at each frequency the chord is below the loop's own: it is sure to stabilise {second}, {floor}"
     if gap.winding:
         return f"the nu-gap is 1, as the curves of {first} and {second} do not turn alike: {nothing}"
     if gap.value < found.margin:

@@ -58,10 +58,10 @@ def plot_nu_gap(judged: Sequence[tuple[str, Guarantee]], *, span: tuple[float, f
         _fill(axes, found)
         axes.set_title(title, fontsize=9.0)
         axes.set_xlim(*span)
-        axes.set_ylim(0.0, 1.0)
+        axes.set_ylim(0.0, 1.03)
         axes.set_xlabel(FREQUENCY.label)
     label_axes(grid[0], FREQUENCY, CHORD)
-    add_legend(figure)
+    add_legend(figure, columns=3)
     finish_layout(figure)
     return figure
 
@@ -69,11 +69,11 @@ def plot_nu_gap(judged: Sequence[tuple[str, Guarantee]], *, span: tuple[float, f
 def _fill(axes: Axes, found: Guarantee) -> None:
     use_log(axes, "x")
     omega, psi, chords = found.gap.omega, found.gap.psi, found.chords
-    draw_curve(axes, omega, chords, Look(BLUE, "-"), "loop with the model to oscillation")
+    draw_curve(axes, omega, chords, Look(BLUE, "-"), "loop to oscillation")
     draw_curve(axes, omega, psi, Look(VERMILION, "-"), "model to plant")
     draw_levels(
         axes, horizontal=[Level(found.margin, "margin b", colour=BLUE), Level(found.gap.value, "nu-gap", colour=VERMILION, dash=":")]
     )
     axes.fill_between(
-        omega, psi, chords, where=list(np.greater(psi, chords)), color=VERMILION, alpha=0.18, linewidth=0.0, label="the model says nothing"
+        omega, psi, chords, where=list(np.greater(psi, chords)), color=VERMILION, alpha=0.18, linewidth=0.0, label="no guarantee"
     )
