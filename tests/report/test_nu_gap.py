@@ -29,7 +29,7 @@ def test_each_verdict_has_its_chords_its_margin_and_its_gap() -> None:
         assert np.asarray(margin.get_ydata())[0] == found.margin
         assert np.asarray(gap.get_ydata())[0] == found.gap.value
     assert figure.axes[0].get_ylabel() == "chord (\N{EN DASH})"
-    shaded = [sum(len(path.vertices) for path in axes.collections[0].get_paths()) for axes in figure.axes]
+    shaded = [sum(np.asarray(path.vertices).size for path in axes.collections[0].get_paths()) for axes in figure.axes]
     assert shaded[0] == 0 < shaded[1]
 
 
