@@ -85,6 +85,8 @@ def test_delayed_feedthrough_of_both_has_no_distance() -> None:
     through = plant((1.0, 0.5), (1.0, 1.0))
     with pytest.raises(InvalidInputError, match="pass their input straight through, and one with a delay"):
         find_nu_gap(through, plant((1.0, 0.5), (1.0, 1.0), 0.1))
+    with pytest.raises(InvalidInputError, match=r"passes its input straight through.*add the lag"):
+        judge_controller(through, through, pid(1.0))
     assert find_nu_gap(through, plant((1.0, 0.6), (1.0, 1.0))).value < 0.1
 
 

@@ -255,6 +255,19 @@ def test_a_margin_is_that_of_the_four_closed_loop_responses() -> None:
     assert found.margin == pytest.approx(1.0 / float(np.max(np.linalg.norm(matrix, ord=2, axis=(1, 2)))), rel=1e-6)
 
 
+@pytest.mark.parametrize(("kp", "kd"), [(1.0, 0.3), (1.0, -0.6), (-1.0, -0.6), (-1.0, 0.3)])
+def test_loops_that_do_not_fall_off(kp: float, kd: float) -> None:
+    """2/(0.8 s + 1) under kp + kd s ends at 1 + 2.5 kd, left of 0 too; its pole is -(1 + 2 kp)/(0.8 + 2 kd)."""
+    p, stable = plant((2.0,), (1.0, 0.8)), (1.0 + 2.0 * kp) / (0.8 + 2.0 * kd) > 0.0
+    found = judge_controller(p, p, pid(kp, 0.0, kd))
+    w = 1j * np.geomspace(1e-5, 1e6, 20_001)
+    loop = 2.0 * (kp + kd * w) / (1.0 + 0.8 * w)
+    chord = float(np.min(np.abs(1.0 + loop) / np.sqrt(2.0 * (1.0 + np.abs(loop) ** 2))))
+    assert found.stable == stable
+    assert found.margin == pytest.approx(chord if stable else 0.0, rel=1e-5)
+    assert found.gap.value == 0.0
+
+
 def test_an_unstable_first_loop_has_no_margin_and_guarantees_nothing() -> None:
     found = judge_controller(plant(*G2D), engine_at(25.0), pid(*C1))
     assert (found.margin, found.guaranteed, found.guaranteed_pointwise, found.floor, found.pointwise_floor) == (0.0, False, False, 0.0, 0.0)

@@ -115,29 +115,28 @@ class PlantPair:
         sizes = np.hypot(1.0, np.abs(values)) * np.hypot(1.0, np.abs(back))
         return np.asarray(np.minimum(np.abs(1.0 + values * back) / sizes, 1.0))
 
+    def back_end(self) -> float:
+        """Give C/W at infinite frequency, the derivative left out, which no constant weight meets."""
+        return self.gains.kp / self.weight.leading if self.gains is not None and self.weight.gains is None else 1.0
+
     def end_chords(self) -> tuple[float, float]:
         """Give the least chords to oscillation at infinite frequency."""
-        back = 1.0
-        if self.gains is not None and self.weight.gains is None:
-            back = self.gains.kp / self.weight.leading
-        found = [
+        back = self.back_end()
+        one, two = (
             abs(1.0 + (-abs(end * back) if plant.delay else end * back)) / (math.hypot(1.0, end) * math.hypot(1.0, back))
             for plant, end in zip(self.plants, self.ends, strict=True)
-        ]
-        return found[0], found[1]
+        )
+        return one, two
 
     def drift(self, w: float) -> float:
         """Give by how much the first plant's chord to oscillation may still fall below its least value at infinite frequency."""
         at = np.array([w])
-        back = self.back(at)[0]
-        settled = back if self.gains is None or self.weight.gains is not None else self.gains.kp / self.weight.leading
-        return float(self.distances_from_end(at)[0, 0] + abs(back - settled))
+        return float(self.distances_from_end(at)[0, 0] + abs(self.back(at)[0] - self.back_end()))
 
     def loop_ends(self) -> tuple[float, float]:
         """Give what 1 + P C goes to at infinite frequency, or the middle of where it stays."""
-        one, two = (
-            1.0 + (0.0 if plant.delay or self.weight.gains is None else end) for plant, end in zip(self.plants, self.ends, strict=True)
-        )
+        back = self.back_end()
+        one, two = (1.0 + (0.0 if plant.delay else end * back) for plant, end in zip(self.plants, self.ends, strict=True))
         return one, two
 
     def at_rest(self, w: float) -> tuple[Complexes, Complexes]:
