@@ -5,9 +5,16 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from revline.analysis.linearize import linearize
+from revline.analysis.trim import find_trim
 from revline.design.closed_loop import LoopTask, run_linear_loop, run_loop
+from revline.design.compared_plant import plant_of_model, plant_of_system
+from revline.design.controller import PidGains
 from revline.design.model_choice import MODEL_STRUCTURES, fit_structure
+from revline.design.nu_gap import judge_controller
 from revline.design.rules import tune_pi_pole_placement
+from revline.lti.transfer_function import TransferFunction
+from revline.report.nu_gap import plot_nu_gap
 from revline.report.style import BLUE, GREY, VERMILION, styled
 from revline.studies.config import StudyConfig
 from revline.studies.loop_steps import operating_point, throttle_limits
@@ -43,10 +50,28 @@ def draw_promise_and_engine() -> Figure:
     return figure
 
 
+def draw_nu_gap() -> Figure:
+    """Chords from the thesis's models to the engine, beside the margins of the controllers that were tuned on them."""
+    engine = StudyConfig().load_engine()
+    exact = plant_of_system(linearize(engine, find_trim(engine, inputs={"throttle": 25.0})).model, name=engine.name)
+    lag, double = (1.0, 0.57938), (1.0, 0.55159, 0.034396)
+    judged = []
+    for title, gain, denominator, delay, (kp, ki, kd) in (
+        ("C1 on G1", 12.2163, lag, 0.0, (2.153, 16.85, 0.0)),
+        ("C2 on G2", 12.0066, double, 0.0, (20.0, 110.0, 0.4)),
+        ("C2d on G2d", 12.0066, double, 0.0213, (1.2, 2.0, 0.1)),
+    ):
+        model = TransferFunction(numerator=(gain,), denominator=denominator, delay=delay, input_unit="deg", output_unit="rad/s")
+        gains = PidGains(kp=kp, ki=ki, kd=kd, input_unit="rad/s", output_unit="deg", rule=title, designed_on=title)
+        judged.append((title, judge_controller(plant_of_model(model, name=title), exact, gains)))
+    return plot_nu_gap(judged)
+
+
 def main() -> None:
     """Draw all pictures."""
     IMAGES.mkdir(exist_ok=True)
     draw_promise_and_engine().savefig(IMAGES / "c1-promise-and-engine.png", dpi=150, metadata={"Software": None})
+    draw_nu_gap().savefig(IMAGES / "nu-gap.png", dpi=150, metadata={"Software": None})
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import pytest
 
 from revline.analysis.linearize import linearize
 from revline.analysis.trim import find_trim
-from revline.design import margins as margins_module
+from revline.design import axis_grid
 from revline.design.controller import PidGains
 from revline.design.margins import find_margins
 from revline.design.open_loop import OpenLoop, open_loop_of_model, open_loop_of_system
@@ -159,7 +159,7 @@ def test_a_resonance_on_the_axis_and_a_loop_too_fast_are_errors(monkeypatch: pyt
 
     with pytest.raises(NotConvergedError, match="pole or a zero on the imaginary axis"):
         find_margins(OpenLoop(name="ringing", transfer=ringing, delay=0.0, unstable_poles=0))
-    monkeypatch.setattr(margins_module, "MOST_POINTS", 100)
+    monkeypatch.setattr(axis_grid, "MOST_POINTS", 100)
     plant = TransferFunction(numerator=(1.0,), denominator=(0.0, 1.0), delay=1.0)
     with pytest.raises(NotConvergedError, match="turns too fast near"):
         find_margins(open_loop_of_model(plant, pid(1.0)))

@@ -23,6 +23,7 @@ from revline.cli import (
     map_command,
     margins_command,
     model_commands,
+    nu_gap_command,
     region_command,
     response_command,
     simulate_command,
@@ -100,6 +101,12 @@ COMMANDS = (
         margins_command.margins,
         "Margins of a loop, its delay exact.",
         "revline margins g2d.json controller.json",
+    ),
+    Entry(
+        "nu-gap",
+        nu_gap_command.nu_gap,
+        "How far a model is from another, or from the engine, and what that guarantees.",
+        "revline nu-gap g2d.json --throttle 25 --controller c2d.json --out chords.csv",
     ),
     Entry(
         "region",

@@ -13,22 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize.elementwise import find_minimum, find_root
 
+from revline.design.axis_grid import follow, highest, roots_between
 from revline.design.open_loop import OpenLoop
-from revline.errors import InvalidInputError, NotConvergedError, out_of_range
+from revline.errors import InvalidInputError, out_of_range
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
-
-PHASE_STEP = 0.2
-"""Largest change of the loop's phase between neighbours on the grid, in rad."""
-
-SIZE_STEP = 0.2
-"""Largest change of the logarithm of the loop's magnitude between neighbours."""
-
-MOST_POINTS = 400_000
-"""Most frequencies on the grid."""
 
 FLOOR = 1e-3
 """Where the magnitude stays below this, crossings of the phase are not looked for: the gain may rise 1000 times."""
@@ -149,9 +140,11 @@ def find_margins(loop: OpenLoop, *, low: float = 1e-3) -> Margins:
     if not (math.isfinite(low) and low > 0.0):
         raise out_of_range("lowest frequency", low, "rad/s", "values above 0", "give one well below the loop's bandwidth")
     low = _bottom(loop, low)
-    grid, values = _grid(loop, low, _top(loop, low))
-    unity = _roots(lambda w: np.abs(_values(loop, w)) - 1.0, grid, np.abs(values) - 1.0)
-    turns = _roots(lambda w: _values(loop, w).imag, grid, values.imag)
+    start = np.geomspace(low, _top(loop, low), 200)
+    grid, followed = follow(lambda w: _values(loop, w)[None], start, delay=loop.delay, name=f"the loop {loop.name}")
+    values = followed[0]
+    unity = roots_between(lambda w: np.abs(_values(loop, w)) - 1.0, grid, np.abs(values) - 1.0)
+    turns = roots_between(lambda w: _values(loop, w).imag, grid, values.imag)
     return Margins(
         loop=loop.name,
         stable=loop.stable,
@@ -202,56 +195,12 @@ def _top(loop: OpenLoop, low: float) -> float:
     return float(grid[above[-1] + 1]) if above.size else float(grid[1])
 
 
-def _grid(loop: OpenLoop, low: float, high: float) -> tuple[Floats, Complexes]:
-    """Frequencies between which neither phase nor magnitude changes much."""
-    grid = np.geomspace(low, high, 200)
-    values = _values(loop, grid)
-    while True:
-        if not np.all(np.isfinite(values)) or np.any(values == 0.0):
-            bad = float(grid[~np.isfinite(values) | (values == 0.0)][0])
-            message = f"the loop {loop.name} has a pole or a zero on the imaginary axis at {bad:g} rad/s: no margins there"
-            raise NotConvergedError(message, frequency=bad)
-        ratio = values[1:] / values[:-1]
-        coarse = (np.abs(np.angle(ratio)) > PHASE_STEP) | (np.abs(np.log(np.abs(ratio))) > SIZE_STEP)
-        coarse |= loop.delay * np.diff(grid) > PHASE_STEP
-        if not np.any(coarse):
-            return grid, values
-        if grid.size > MOST_POINTS or np.min(np.diff(grid)[coarse] / grid[1:][coarse]) < 1e-13:
-            where = float(grid[1:][coarse][0])
-            message = f"the loop {loop.name} turns too fast near {where:g} rad/s to be followed with {MOST_POINTS} frequencies"
-            raise NotConvergedError(message, frequency=where)
-        middle = np.sqrt(grid[:-1][coarse] * grid[1:][coarse])
-        places = np.flatnonzero(coarse) + 1
-        grid = np.insert(grid, places, middle)
-        values = np.insert(values, places, _values(loop, middle))
-
-
-def _roots(function: Callable[[Floats], Floats], grid: Floats, values: Floats) -> Floats:
-    """Roots of a real function between the points at which it changes its sign, all at once: a long delay makes thousands."""
-    changes = np.flatnonzero((values[1:] > 0.0) != (values[:-1] > 0.0))
-    if not changes.size:
-        return np.array([])
-    return np.asarray(find_root(function, (grid[changes], grid[changes + 1])).x)
-
-
 def _gain_crossover(omega: float, value: complex) -> GainCrossover:
     above = math.atan2(-value.imag, -value.real)  # phase of -L: phase above -180 degrees
     return GainCrossover(frequency=omega, phase_margin_deg=math.degrees(above), delay_margin=(above % (2.0 * math.pi)) / omega)
 
 
 def _peak(loop: OpenLoop, measure: Callable[[Complexes], Complexes], grid: Floats, values: Complexes) -> Peak:
-    """Largest magnitude of a measure of the loop on the grid, improved between the neighbours of the largest points."""
-    sizes = np.abs(measure(values))
-    inner = np.flatnonzero((sizes[1:-1] >= sizes[:-2]) & (sizes[1:-1] >= sizes[2:])) + 1
-    best = int(np.argmax(sizes))
-    found = Peak(value=float(sizes[best]), frequency=float(grid[best]))
-    if not inner.size:
-        return found
-    highest = inner[np.argsort(-sizes[inner])][:8]
-    logarithm = np.log(grid)
-    bracket = (logarithm[highest - 1], logarithm[highest], logarithm[highest + 1])
-    result = find_minimum(lambda x: -np.abs(measure(_values(loop, np.exp(x)))), bracket)
-    top = int(np.argmin(result.f_x))
-    if -float(result.f_x[top]) > found.value:
-        found = Peak(value=-float(result.f_x[top]), frequency=math.exp(float(result.x[top])))
-    return found
+    """Largest magnitude of a measure of the loop."""
+    value, frequency = highest(lambda w: np.abs(measure(_values(loop, w))), grid, np.abs(measure(values)))
+    return Peak(value=value, frequency=frequency)
