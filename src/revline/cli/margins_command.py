@@ -47,8 +47,8 @@ def margins(
 ) -> None:
     """Find the margins of a speed loop, every delay exact: all crossovers, gain, phase, delay and disk margins, Ms and Mt.
 
-    The loop is broken at the throttle. Margins of an unstable loop are no safety: the first line says which it is. Of a sampled response the
-    margins hold within its band, with the error of the interpolation; for example: revline margins response.csv controller.json
+    The loop is broken at the throttle. Margins of an unstable loop are no safety: the first line says which it is.
+    Of a sampled response they hold within its band, with the interpolation's error: revline margins response.csv controller.json
     """
     from revline.design.margins import find_margins
     from revline.io.controller_files import read_controller

@@ -291,7 +291,7 @@ def _count(response: FrequencyResponse, gains: PidGains, values: Complexes, assu
 def _notes(found: SampledMargins, values: Complexes) -> tuple[str, ...]:
     low, high = found.band
     first, last = abs(complex(values[0])), abs(complex(values[-1]))
-    notes = [f"known from {low:g} to {high:g} rad/s only; Ms and Mt are lower bounds, the disk margin an upper bound of those over all"]
+    notes = [f"known from {low:g} to {high:g} rad/s only: Ms and Mt are lower bounds, the disk margin is an upper bound"]
     notes.append("the errors are those of interpolation; an error of the samples themselves is not among them")
     if not found.gain_crossovers:
         notes.append(
