@@ -16,7 +16,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.optimize.elementwise import find_root
+from scipy.optimize.elementwise import find_minimum, find_root
 
 from revline.design.controller import PidGains
 from revline.design.margins import GainCrossover, Peak, PhaseCrossover
@@ -43,6 +43,7 @@ MOST_POINTS = 400_000
 """Most frequencies on the grid between the samples."""
 
 _FINE, _TURN = 32, 0.1
+_FAST, _PASSES = 0.5, 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -127,8 +128,8 @@ def find_sampled_margins(
 
     Raises:
         InvalidInputError: fewer than 8 samples, a frequency or a magnitude of 0, samples too coarse to unwrap or to interpolate, other
-            units than the controller's, gains that are all 0, a delay that turns too fast or is negative, no number of poles, or one that the encirclements
-            contradict.
+            units than the controller's, gains that are all 0, a delay that turns too fast or is negative, or a number of poles that is
+            negative or that the encirclements contradict.
     """
     if unstable_poles < 0:
         message = f"unstable poles = {unstable_poles} of the open loop is negative; give 0 or more"
@@ -142,18 +143,19 @@ def find_sampled_margins(
     loop = _interpolate(response.omega, table, response.known_delay, gains)
     values = loop(loop.grid)
     gain, phase = _crossovers(loop, values)
+    sensitivity, complementary, disk = _peaks(loop, values)
     found = SampledMargins(
         loop=f"{name} under {gains.rule}",
         band=(float(response.omega[0]), float(response.omega[-1])),
         samples=response.omega.size,
         gain_crossovers=gain,
         phase_crossovers=phase,
-        sensitivity=_peak(1.0 / (1.0 + values), loop.grid),
-        complementary=_peak(values / (1.0 + values), loop.grid),
-        disk=_peak(1.0 / (1.0 + values) - 0.5, loop.grid),
+        sensitivity=sensitivity,
+        complementary=complementary,
+        disk=disk,
         errors=MappingProxyType({}),
         assumed_unstable_poles=unstable_poles,
-        unstable_poles=_count(response, gains, values, unstable_poles),
+        unstable_poles=_count(response, loop, values, unstable_poles),
         notes=(),
     )
     halves = [_half(found, response, table, gains, first) for first in (0, 1)]
@@ -231,17 +233,26 @@ def _roots(function: Callable[[Floats], Floats], grid: Floats, values: Floats) -
     return np.asarray(find_root(function, (grid[changes], grid[changes + 1])).x)
 
 
-def _peak(measure: Complexes, grid: Floats) -> Peak:
-    """Largest magnitude on the grid; within the band a parabola through it and its neighbours gives the top."""
-    sizes = np.abs(measure)
+def _peaks(loop: _Loop, values: Complexes) -> tuple[Peak, Peak, Peak]:
+    """Peaks of the sensitivity, of the closed loop, and of the disk's measure."""
+    return (
+        _peak(loop, values, lambda v: 1.0 / (1.0 + v)),
+        _peak(loop, values, lambda v: v / (1.0 + v)),
+        _peak(loop, values, lambda v: 1.0 / (1.0 + v) - 0.5),
+    )
+
+
+def _peak(loop: _Loop, values: Complexes, measure: Callable[[Complexes], Complexes]) -> Peak:
+    """Largest magnitude on the grid, improved between the neighbours of the largest point."""
+    sizes = np.abs(measure(values))
     top = int(np.argmax(sizes))
+    found = Peak(value=float(sizes[top]), frequency=float(loop.grid[top]))
     if top in (0, sizes.size - 1):
-        return Peak(value=float(sizes[top]), frequency=float(grid[top]))
-    x, y = np.log(grid[top - 1 : top + 2] / grid[top]), sizes[top - 1 : top + 2]
-    a, b, c = np.polyfit(x, y / y[1], 2)
-    place = float(np.clip(-b / (2.0 * a), x[0], x[2])) if a < 0.0 else 0.0
-    value = float(y[1] * max(1.0, (a * place + b) * place + c))
-    return Peak(value=value, frequency=float(grid[top] * math.exp(place)))
+        return found
+    low, middle, high = np.log(loop.grid[top - 1 : top + 2])
+    result = find_minimum(lambda x: -np.abs(measure(loop(np.exp(x)))), (low, middle, high))
+    better = Peak(value=-float(result.f_x), frequency=math.exp(float(result.x)))
+    return better if better.value > found.value else found
 
 
 def _half(found: SampledMargins, response: FrequencyResponse, table: Floats, gains: PidGains, first: int) -> Mapping[str, float]:
@@ -250,18 +261,19 @@ def _half(found: SampledMargins, response: FrequencyResponse, table: Floats, gai
     loop = _interpolate(response.omega[kept], table[kept], response.known_delay, gains)
     values = loop(loop.grid)
     gain, phase = _crossovers(loop, values)
+    sensitivity, complementary, disk = _peaks(loop, values)
     half = replace(
         found,
         gain_crossovers=gain,
         phase_crossovers=phase,
-        sensitivity=_peak(1.0 / (1.0 + values), loop.grid),
-        complementary=_peak(values / (1.0 + values), loop.grid),
-        disk=_peak(1.0 / (1.0 + values) - 0.5, loop.grid),
+        sensitivity=sensitivity,
+        complementary=complementary,
+        disk=disk,
     )
     return half.values
 
 
-def _count(response: FrequencyResponse, gains: PidGains, values: Complexes, assumed: int) -> tuple[int, ...]:
+def _count(response: FrequencyResponse, loop: _Loop, values: Complexes, assumed: int) -> tuple[int, ...]:
     """Unstable poles of the closed loop by the turn of 1 + L from 0 to infinite frequency, which is pi (open - closed unstable poles).
 
     Above the band the loop gain is taken to stay below 1, below the band the plant to keep its sign and the phase of its lowest sample
@@ -271,7 +283,7 @@ def _count(response: FrequencyResponse, gains: PidGains, values: Complexes, assu
     near = abs(away - 180.0 * round(away / 180.0))
     if abs(values[-1]) >= 1.0 or near > STATIC_PHASE_DEG:
         return ()
-    arguments = np.angle(1.0 + values)
+    gains, arguments = loop.gains, np.angle(1.0 + _refine(loop, values))
     turned = np.unwrap(arguments)
     if np.max(np.abs(np.diff(turned))) > 0.5 * math.pi:
         return ()
@@ -286,6 +298,18 @@ def _count(response: FrequencyResponse, gains: PidGains, values: Complexes, assu
         )
         raise InvalidInputError(message, least=assumed - closed)
     return (closed,)
+
+
+def _refine(loop: _Loop, values: Complexes) -> Complexes:
+    """Values of the loop with more between neighbours where 1 + L turns fast, as it does near -1."""
+    grid = loop.grid
+    for _ in range(_PASSES):
+        fast = np.abs(np.angle((1.0 + values[1:]) / (1.0 + values[:-1]))) > _FAST
+        if not np.any(fast):
+            break
+        middle, places = np.sqrt(grid[:-1][fast] * grid[1:][fast]), np.flatnonzero(fast) + 1
+        grid, values = np.insert(grid, places, middle), np.insert(values, places, loop(middle))
+    return values
 
 
 def _notes(found: SampledMargins, values: Complexes) -> tuple[str, ...]:
