@@ -20,8 +20,8 @@ def margins(
     files: Annotated[
         list[Path],
         typer.Argument(
-            metavar="[MODEL.json] CONTROLLER.json",
-            help="Controller file; before it a model file, to judge the loop with that instead of an engine's exact linear model.",
+            metavar="[MODEL.json|RESPONSE.csv] CONTROLLER.json",
+            help="Controller file; before it a model or a frequency response (.csv), for the loop with that instead of an engine.",
         ),
     ],
     throttle: Annotated[
@@ -29,6 +29,18 @@ def margins(
     ] = None,
     load: LoadOption = 0.0,
     engine: EngineOption = DEFAULT_ENGINE,
+    unstable_poles: Annotated[
+        int | None, typer.Option("--unstable-poles", metavar="N", help="Of a sampled plant: its poles right of the axis; else 0.")
+    ] = None,
+    delay: Annotated[
+        float | None, typer.Option("--delay", metavar="S", help="Of a sampled plant: delay [s] known to be in it; else the file's.")
+    ] = None,
+    columns: Annotated[
+        str | None, typer.Option("--columns", metavar="QUANTITY=COLUMN,..", help="Of a response: which column is what, as for fit.")
+    ] = None,
+    amplitude: Annotated[
+        float | None, typer.Option("--amplitude", metavar="DEG", help="Of a response: amplitude of the input [deg], as for fit.")
+    ] = None,
     out: OutOption = None,
     json: JsonOption = False,
     quiet: QuietOption = False,
@@ -36,6 +48,7 @@ def margins(
     """Find the margins of a speed loop, every delay exact: all crossovers, gain, phase, delay and disk margins, Ms and Mt.
 
     The loop is broken at the throttle. Margins of an unstable loop are no safety: the first line says which it is.
+    Of a sampled response they hold within its band, with the interpolation's error: revline margins response.csv controller.json
     """
     from revline.design.margins import find_margins
     from revline.io.controller_files import read_controller
@@ -45,6 +58,14 @@ def margins(
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "margins")
     gains = read_controller(files[-1]).gains
+    options = (unstable_poles, delay, columns, amplitude)
+    if len(files) == 2 and files[0].suffix.lower() == ".csv":
+        _check_no_trim(throttle, load)
+        _show_sampled(shell, files[0], gains, options, out)
+        return
+    if any(option is not None for option in options):
+        message = "--unstable-poles, --delay, --columns and --amplitude are for a frequency response; give RESPONSE.csv, or leave them out"
+        raise InvalidInputError(message)
     found = find_margins(_open_loop(files, gains, engine, place=(throttle, load)))
     record = margin_record(found, gains)
     shell.write(out, format_json(record), "margins")
@@ -56,15 +77,43 @@ def margins(
     )
 
 
+def _show_sampled(
+    shell: Shell, path: Path, gains: "PidGains", options: tuple[int | None, float | None, str | None, float | None], out: Path | None
+) -> None:
+    from revline.design.sampled_margins import find_sampled_margins
+    from revline.io.json_files import format_json
+    from revline.io.number_lists import parse_pairs
+    from revline.io.response_files import read_response
+    from revline.io.sampled_margin_records import describe_sampled_margins, sampled_margin_record
+
+    unstable_poles, delay, columns, amplitude = options
+    file = read_response(path, columns=parse_pairs(columns, "--columns") if columns is not None else None, amplitude=amplitude)
+    found = find_sampled_margins(file.response, gains, delay=delay, unstable_poles=unstable_poles or 0, name=path.stem)
+    record = sampled_margin_record(found, gains)
+    shell.warn(*file.notes)
+    shell.write(out, format_json(record), "margins")
+    shell.show(
+        record,
+        Facts(f"{found.loop}: sampled", describe_sampled_margins(found)),
+        Grid("Crossovers in the band", ("frequency [rad/s]", "what", "margin"), _crossovers(record)),
+        *(f"note: {note}" for note in found.notes),
+        text_on=out,
+    )
+
+
+def _check_no_trim(throttle: float | None, load: float) -> None:
+    if throttle is not None or load != 0.0:
+        message = "--throttle and --load place an engine's trim; a file of the plant has its own operating point, leave them out"
+        raise InvalidInputError(message)
+
+
 def _open_loop(files: list[Path], gains: "PidGains", engine: str, *, place: tuple[float | None, float]) -> "OpenLoop":
     throttle, load = place
     if len(files) > 2:
         message = f"{len(files)} files were given; give a controller file, or a model file and a controller file"
         raise InvalidInputError(message)
     if len(files) == 2:
-        if throttle is not None or load != 0.0:
-            message = "--throttle and --load place an engine's trim; a model file has its own operating point, leave them out"
-            raise InvalidInputError(message)
+        _check_no_trim(throttle, load)
         return _of_model(files[0], gains)
     if throttle is None:
         message = "a loop around an engine needs --throttle, the angle [deg] of the trim that it is linearised at"
