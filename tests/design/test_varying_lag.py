@@ -1,0 +1,84 @@
+"""The model with a delay of an angle over its own output: exact small-signal response, and what the variation does."""
+
+import numpy as np
+import pytest
+
+from revline import signals
+from revline.analysis.linearize import linearize
+from revline.analysis.trim import find_trim
+from revline.dde.simulate import Start, simulate
+from revline.design.varying_lag import varying_lag_model
+from revline.errors import InvalidInputError, LagError
+from revline.lti.transfer_function import TransferFunction
+from revline.system import DelaySystem
+
+W0, ANGLE = 240.0, 5.5
+TAU = ANGLE / W0
+OMEGA = np.geomspace(0.05, 100.0, 40)
+SECOND = TransferFunction(numerator=(9.0, 0.05), denominator=(1.0, 0.6, 0.05), input_unit="deg", output_unit="rad/s")
+OTHERS = (
+    TransferFunction(numerator=(9.0,), denominator=(1.0, 0.6), input_unit="deg", output_unit="rad/s"),
+    TransferFunction(numerator=(9.0, 0.1, 0.01), denominator=(1.0, 0.7, 0.06, 0.002), input_unit="deg", output_unit="rad/s"),
+    TransferFunction(numerator=(9.0, 1.0), denominator=(1.0, 0.75, 0.1, 0.01, 0.0002), input_unit="deg", output_unit="rad/s"),
+)
+
+
+def build(model: TransferFunction, angle: float = ANGLE) -> DelaySystem:
+    return varying_lag_model(model, angle=angle, base_input=25.0, base_output=W0)
+
+
+def step_error(amplitude: float, angle: float = ANGLE) -> float:
+    """Largest difference from the fixed lag, per unit of a step of an amplitude to both sides, averaged: its odd part is left."""
+    system, until = build(SECOND, angle), 1.0
+    answers = []
+    for size in (amplitude, -amplitude):
+        start = Start(states=np.zeros(4), inputs=np.array([25.0]))
+        run = simulate(system, start, {"input": signals.step(size)}, until=until, step=1e-3)
+        answers.append((run.output("output") - W0) / size)
+    exact = SECOND.with_delay(TAU).step_response(run.times)
+    return float(np.max(np.abs(0.5 * (answers[0] + answers[1]) - exact)))
+
+
+@pytest.mark.parametrize("model", [SECOND, *OTHERS], ids=lambda m: f"order {len(m.denominator) - 1}")
+def test_small_signals_see_the_fixed_lag(model: TransferFunction) -> None:
+    system = build(model)
+    response = linearize(system, find_trim(system, inputs={"input": 25.0})).model.transfer(1j * OMEGA)[:, 0, 0]
+    exact = model.with_delay(TAU)(1j * OMEGA)
+    assert np.max(np.abs(response / exact - 1.0)) < 1e-12
+
+
+def test_another_angle_is_noticed() -> None:
+    """Negative control: a wrong angle is another response."""
+    system = build(SECOND, 1.01 * ANGLE)
+    response = linearize(system, find_trim(system, inputs={"input": 25.0})).model.transfer(1j * OMEGA)[:, 0, 0]
+    assert np.max(np.abs(response / SECOND.with_delay(TAU)(1j * OMEGA) - 1.0)) > 1e-2
+
+
+def test_a_vanishing_step_is_that_of_the_fixed_lag_and_the_difference_is_of_second_order() -> None:
+    small, double = step_error(1.0), step_error(2.0)
+    assert step_error(1e-3) < 1e-6
+    assert np.log2(double / small) == pytest.approx(2.0, abs=0.1)
+
+
+def test_a_wrong_angle_leaves_a_difference_however_small_the_step() -> None:
+    """Negative control of the limit of small steps."""
+    assert step_error(1e-3, 1.05 * ANGLE) > 1e-3
+
+
+def test_an_output_that_falls_to_nothing_is_an_error() -> None:
+    """The lag grows without limit on the way, so that the delayed time runs backwards before the output is 0."""
+    with pytest.raises(LagError, match=r"stalled: varying_lag_model at t = .*deviation = -1.* the lag of drive grows to"):
+        simulate(build(SECOND), Start(states=np.zeros(4), inputs=np.array([25.0])), {"input": signals.step(-60.0)}, until=4.0, step=1e-3)
+
+
+@pytest.mark.parametrize(("angle", "base"), [(0.0, W0), (ANGLE, 0.0), (float("nan"), W0)])
+def test_what_makes_no_delay_is_refused(angle: float, base: float) -> None:
+    with pytest.raises(InvalidInputError, match="makes no delay angle / base_output above 0"):
+        varying_lag_model(SECOND, angle=angle, base_input=25.0, base_output=base)
+
+
+def test_models_of_another_kind_are_refused() -> None:
+    with pytest.raises(InvalidInputError, match="2 zeros and 2 poles; a varying lag needs 1 to 4 poles"):
+        build(TransferFunction(numerator=(1.0, 1.0, 1.0), denominator=(1.0, 1.0, 0.1)))
+    with pytest.raises(InvalidInputError, match="slowest pole is .* needs it real and stable"):
+        build(TransferFunction(numerator=(1.0,), denominator=(1.0, 0.1, 1.0)))
