@@ -269,7 +269,7 @@ def test_a_free_delay_fits_no_worse_than_any_known_one() -> None:
 
 @pytest.mark.parametrize("delay", [-0.01, float("nan"), float("inf")])
 def test_a_known_delay_that_is_none_is_refused(delay: float) -> None:
-    with pytest.raises(InvalidInputError, match="known delay = .* s is no delay; give a number of at least 0 s"):
+    with pytest.raises(InvalidInputError, match=r"known delay = .* s is no delay; give a number of at least 0 s"):
         fit_transfer_function(G2D.response(OMEGA), zeros=0, poles=2, delay=delay)
 
 

@@ -108,15 +108,15 @@ def _realise(model: TransferFunction, angle: float, base_input: float, base_outp
     order = poles.size
     if not 1 <= order <= MOST_POLES or len(model.numerator) > order:
         message = (
-            f"the model has {len(model.numerator) - 1} zeros and {order} poles; a varying lag needs 1 to {MOST_POLES} poles and fewer zeros:"
-            " fit such a model"
+            f"the model has {len(model.numerator) - 1} zeros and {order} poles; a varying lag needs 1 to {MOST_POLES} poles"
+            " and fewer zeros: fit such a model"
         )
         raise InvalidInputError(message, poles=order)
     position = int(np.argmax(poles.real))
     slowest = poles[position]
     if slowest.real >= 0.0 or abs(slowest.imag) > 1e-9 * abs(slowest):
         message = f"the model's slowest pole is {slowest:.4g} rad/s; a varying lag needs it real and stable: fit another order"
-        raise InvalidInputError(message, pole=complex(slowest))
+        raise InvalidInputError(message, pole=str(slowest))
     fast = order - 1
     falling = np.atleast_1d(np.real(np.poly(np.delete(poles, position))))[1:]
     zeros = np.zeros(order)
