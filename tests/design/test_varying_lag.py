@@ -94,14 +94,15 @@ def test_on_the_thesis_s_step_the_joint_fit_helps_much_and_the_varying_lag_littl
     signal = signals.step(5.0, start=0.5)
     truth = simulate(engine, Start(states=trim.states, inputs=trim.inputs), {"throttle": signal}, until=4.0, step=1e-3)
     data = read_response(Path(__file__).parents[1] / "reference" / "table_4_1.csv").response
+    delays = {"line": DelayRule.PHASE_LINE, "free": DelayRule.FREE, "known": angle / speed}
+    models = {name: fit_transfer_function(data, zeros=0, poles=2, delay=delay).model for name, delay in delays.items()}
     error = {}
-    for name, delay in (("line", DelayRule.PHASE_LINE), ("free", DelayRule.FREE), ("known", angle / speed)):
-        model = fit_transfer_function(data, zeros=0, poles=2, delay=delay).model
+    for name, model in models.items():
         after = truth.times >= 0.5
         answer = np.zeros(truth.times.size)
         answer[after] = 5.0 * model.step_response(truth.times[after] - 0.5)
         error[name] = answer + speed - truth.output("engine_speed")
-    system = varying_lag_model(model, angle=angle, base_input=25.0, base_output=speed)
+    system = varying_lag_model(models["known"], angle=angle, base_input=25.0, base_output=speed)
     start = Start(states=np.zeros(4), inputs=np.array([25.0]))
     varying = simulate(system, start, {"input": signal}, until=4.0, step=1e-3)
     error["varying"] = varying.output("output") - truth.output("engine_speed")
