@@ -94,7 +94,7 @@ def test_on_the_thesis_s_step_the_joint_fit_helps_much_and_the_varying_lag_littl
     signal = signals.step(5.0, start=0.5)
     truth = simulate(engine, Start(states=trim.states, inputs=trim.inputs), {"throttle": signal}, until=4.0, step=1e-3)
     data = read_response(Path(__file__).parents[1] / "reference" / "table_4_1.csv").response
-    delays = {"line": DelayRule.PHASE_LINE, "free": DelayRule.FREE, "known": angle / speed}
+    delays: dict[str, DelayRule | float] = {"line": DelayRule.PHASE_LINE, "free": DelayRule.FREE, "known": angle / speed}
     models = {name: fit_transfer_function(data, zeros=0, poles=2, delay=delay).model for name, delay in delays.items()}
     error = {}
     for name, model in models.items():
