@@ -247,3 +247,32 @@ def test_extreme_weights_do_not_overflow() -> None:
     fit = fit_transfer_function(data, zeros=0, poles=2, delay=DelayRule.FREE, weight=Weight.RELATIVE)
     assert fit.model.denominator == pytest.approx(G2D.denominator, rel=1e-6)
     assert fit.model.numerator[0] == pytest.approx(12e-200, rel=1e-6)
+
+
+@pytest.mark.parametrize("weight", Weight)
+def test_a_known_delay_is_kept_and_the_rest_recovered(weight: Weight) -> None:
+    fit = fit_transfer_function(G2D.response(OMEGA), zeros=0, poles=2, delay=G2D.delay, weight=weight)
+    assert (fit.delay_rule, fit.model.delay, fit.delay_deviation) == (DelayRule.FIXED, G2D.delay, 0.0)
+    assert coefficients(fit) == pytest.approx([*G2D.numerator, *G2D.denominator], rel=1e-6)
+
+
+def test_a_free_delay_fits_no_worse_than_any_known_one() -> None:
+    data = noisy(G2D, size=1e-2)
+    free = fit_transfer_function(data, zeros=0, poles=2, delay=DelayRule.FREE)
+    at_it, beside, wrong = (
+        fit_transfer_function(data, zeros=0, poles=2, delay=delay).residual_sum
+        for delay in (free.model.delay, 1.01 * free.model.delay, 2.0 * free.model.delay)
+    )
+    assert at_it == pytest.approx(free.residual_sum, rel=1e-9)
+    assert free.residual_sum < beside < wrong
+
+
+@pytest.mark.parametrize("delay", [-0.01, float("nan"), float("inf")])
+def test_a_known_delay_that_is_none_is_refused(delay: float) -> None:
+    with pytest.raises(InvalidInputError, match=r"known delay = .* s is no delay; give a number of at least 0 s"):
+        fit_transfer_function(G2D.response(OMEGA), zeros=0, poles=2, delay=delay)
+
+
+def test_a_fixed_delay_needs_its_value() -> None:
+    with pytest.raises(InvalidInputError, match="a fixed delay has no value; give the delay itself in s"):
+        fit_transfer_function(G2D.response(OMEGA), zeros=0, poles=2, delay=DelayRule.FIXED)

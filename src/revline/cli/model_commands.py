@@ -11,12 +11,12 @@ from revline.cli.shell import Facts, Grid, Shell, show_roots
 from revline.errors import InvalidInputError
 
 if TYPE_CHECKING:
-    from revline.design.fit import ModelFit
+    from revline.design.fit import DelayRule, ModelFit
 
 PROGRAM = f"revline {__version__}"
 """What files say of their origin."""
 
-DelayChoice = Literal["none", "phase-line", "free"]
+DelayChoice = Literal["none", "phase-line", "free", "fixed"]
 WeightChoice = Literal["none", "relative"]
 ObjectiveChoice = Literal["setpoint-error", "load-error"]
 
@@ -36,8 +36,11 @@ def fit(
     zeros: Annotated[int, typer.Option("--zeros", min=0, help="Degree of the numerator.")],
     poles: Annotated[int, typer.Option("--poles", min=0, help="Degree of the denominator.")],
     delay: Annotated[
-        DelayChoice, typer.Option("--delay", help="No delay; from a line through the phase left over; or fitted with the rest.")
+        DelayChoice, typer.Option("--delay", help="No delay; from a line through the phase left over; fitted with the rest; or known.")
     ] = "none",
+    delay_s: Annotated[
+        float | None, typer.Option("--delay-s", metavar="S", help="The known delay [s], for --delay fixed, for example angle / speed.")
+    ] = None,
     weight: Annotated[WeightChoice, typer.Option("--weight", help="All frequencies alike, or relative to the magnitude there.")] = "none",
     columns: Annotated[
         str | None,
@@ -63,7 +66,7 @@ def fit(
 
     Coefficients stand in ascending powers of s; the denominator's first is 1.
     """
-    from revline.design.fit import DelayRule, Weight, fit_transfer_function
+    from revline.design.fit import Weight, fit_transfer_function
     from revline.design.model_choice import judge_model
     from revline.io.fit_records import fit_record
     from revline.io.json_files import format_json
@@ -73,13 +76,22 @@ def fit(
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "model file")
     file = read_response(data, columns=parse_pairs(columns, "--columns") if columns is not None else None, amplitude=amplitude)
-    found = fit_transfer_function(file.response, zeros=zeros, poles=poles, delay=DelayRule(delay), weight=Weight(weight))
+    found = fit_transfer_function(file.response, zeros=zeros, poles=poles, delay=_delay_of(delay, delay_s), weight=Weight(weight))
     verdict = judge_model(found)
     title = name or (out.stem if out is not None and str(out) != "-" else data.stem)
     record = fit_record(found, verdict, name=title, provenance={"program": PROGRAM, "data": data.name})
     shell.write(out, format_json(record), "model file")
     shell.warn(*file.notes)
     shell.show(record, Facts(f"Model {title} of {data.name}", _model_facts(found)), verdict.text, text_on=out)
+
+
+def _delay_of(choice: DelayChoice, value: float | None) -> "DelayRule | float":
+    from revline.design.fit import DelayRule
+
+    if (choice == "fixed") != (value is not None):
+        message = f"--delay {choice} with {'no --delay-s' if value is None else '--delay-s'}: give --delay fixed and --delay-s together"
+        raise InvalidInputError(message)
+    return DelayRule(choice) if value is None else value
 
 
 def _model_facts(found: "ModelFit") -> list[tuple[str, float | str, str]]:

@@ -22,6 +22,8 @@ class DelayRule(Enum):
     """From a straight line through the phase that a fit without delay leaves, as Lee (1995), section 4.4, does."""
     FREE = "free"
     """As one more parameter of the least squares."""
+    FIXED = "fixed"
+    """It is known, and given: the rational part is fitted to the response with the delay taken out."""
 
 
 class Weight(Enum):
@@ -149,7 +151,7 @@ class ModelFit:
 
 
 def fit_transfer_function(
-    response: FrequencyResponse, *, zeros: int, poles: int, delay: DelayRule = DelayRule.NONE, weight: Weight = Weight.NONE
+    response: FrequencyResponse, *, zeros: int, poles: int, delay: DelayRule | Seconds = DelayRule.NONE, weight: Weight = Weight.NONE
 ) -> ModelFit:
     """Fit a transfer function to a frequency response: the sum of |model - data|^2 over the frequencies is least.
 
@@ -160,7 +162,7 @@ def fit_transfer_function(
         response: the data.
         zeros: degree of the numerator, at most that of the denominator.
         poles: degree of the denominator.
-        delay: how the delay is found.
+        delay: how the delay is found, or a known delay in s, at least 0, which is kept (`DelayRule.FIXED`).
         weight: how much each frequency counts.
 
     Returns:
@@ -168,7 +170,7 @@ def fit_transfer_function(
 
     Raises:
         InvalidInputError: degrees that make no proper transfer function, too few frequencies for the parameters, data that are all
-            zero, or zero at one frequency where it cannot be.
+            zero, or zero at one frequency where it cannot be, or a known delay that is negative or not finite.
         AnalysisError: the data cannot tell the parameters apart, the best model is zero, or the phase line gives a negative delay.
         NotConvergedError: no optimum was reached.
 
@@ -177,13 +179,17 @@ def fit_transfer_function(
         domain) and section 9.2 (covariance).
     """
     _check_degrees(zeros, poles)
-    _check_data(response, zeros + 1 + poles + (delay is not DelayRule.NONE))
-    free = int(delay is DelayRule.FREE)
-    optimum = minimise(make_problem(response.omega, response.values, _weights(response, weight), zeros, poles, free))
+    rule, known = (delay, 0.0) if isinstance(delay, DelayRule) else (DelayRule.FIXED, _checked_delay(delay))
+    if delay is DelayRule.FIXED:
+        message = "a fixed delay has no value; give the delay itself in s"
+        raise InvalidInputError(message)
+    _check_data(response, zeros + 1 + poles + (rule in {DelayRule.FREE, DelayRule.PHASE_LINE}))
+    values = response.values * np.exp(1j * response.omega * known)
+    optimum = minimise(make_problem(response.omega, values, _weights(response, weight), zeros, poles, int(rule is DelayRule.FREE)))
     model = TransferFunction(
         numerator=optimum.numerator,
         denominator=optimum.denominator,
-        delay=optimum.delay,
+        delay=optimum.delay + known,
         input_name=response.input_name,
         input_unit=response.input_unit,
         output_name=response.output_name,
@@ -193,7 +199,7 @@ def fit_transfer_function(
         message = f"no model of {zeros} zeros and {poles} poles is better than zero; fit more poles"
         raise AnalysisError(message)
     line = fit_phase_line(response, model.with_delay(0.0))
-    if delay is DelayRule.PHASE_LINE:
+    if rule is DelayRule.PHASE_LINE:
         if line.delay < 0.0:
             message = (
                 f"the phase line rises by {line.slope:.4g} s: the data lead the model of {zeros} zeros and {poles} poles, which no delay"
@@ -201,7 +207,7 @@ def fit_transfer_function(
             )
             raise AnalysisError(message, slope=line.slope)
         model = model.with_delay(line.delay)
-    return ModelFit(model=model, data=response, delay_rule=delay, weight=weight, optimum=optimum, phase_line=line)
+    return ModelFit(model=model, data=response, delay_rule=rule, weight=weight, optimum=optimum, phase_line=line)
 
 
 def fit_phase_line(response: FrequencyResponse, model: TransferFunction) -> PhaseLine:
@@ -240,6 +246,13 @@ def fit_phase_line(response: FrequencyResponse, model: TransferFunction) -> Phas
 def _phase_difference(values: Complexes, reference: Complexes) -> Floats:
     """Phase of values less that of a reference, in degrees, unwrapped from the first on."""
     return np.unwrap(np.angle(values * np.conj(reference))) / DEGREE
+
+
+def _checked_delay(delay: Seconds) -> Seconds:
+    if not (np.isfinite(delay) and delay >= 0.0):
+        message = f"known delay = {delay:g} s is no delay; give a number of at least 0 s"
+        raise InvalidInputError(message, delay=delay)
+    return float(delay)
 
 
 def _weights(response: FrequencyResponse, weight: Weight) -> Floats:
