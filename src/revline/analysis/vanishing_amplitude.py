@@ -92,7 +92,7 @@ def extrapolate_to_rest(system: DelaySystem, trim: Trim, excitation: Excitation,
         InvalidInputError: a name or a frequency cannot be used.
         AnalysisError: the trim is unstable, or the input is at an end of its range.
     """
-    amplitude = FIRST * _reach(system, trim, excitation)
+    amplitude = FIRST * find_reach(system, trim, excitation)
     found: dict[float, _Try] = {}
     reasons: dict[float, str] = {}
     pending = omega
@@ -116,8 +116,13 @@ def extrapolate_to_rest(system: DelaySystem, trim: Trim, excitation: Excitation,
     )
 
 
-def _reach(system: DelaySystem, trim: Trim, excitation: Excitation) -> float:
-    """How far the sinusoid may go at most."""
+def find_reach(system: DelaySystem, trim: Trim, excitation: Excitation) -> float:
+    """Find the amplitude that small ones are parts of: that of the excitation, not too small for rounding, and inside the input's range.
+
+    Raises:
+        InvalidInputError: there is no such input.
+        AnalysisError: the input is at an end of its range.
+    """
     moved = system.inputs[index_of(system.inputs, excitation.input_name)]
     base = trim.input(moved.name)
     reach = min(max(excitation.amplitude, LEAST_REACH * search_scale(moved)), base - moved.low, moved.high - base)
