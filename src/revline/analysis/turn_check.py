@@ -78,8 +78,9 @@ class TurnCheck:
         k = int(np.argmax(self.turns != 0))
         message = (
             f"cross-check failed at {np.count_nonzero(self.turns)} of {self.omega.size} frequencies: at {self.omega[k]:.6g} rad/s the "
-            f"phase is given as {self.given_deg[k]:.6g} deg, but small orbits followed from low frequency have {self.counted_deg[k]:.6g} deg: "
-            f"the whole turns differ by {self.turns[k]:d}; the turns that the linear model tells, or its lags, are wrong"
+            f"phase is given as {self.given_deg[k]:.6g} deg, but small orbits followed from low frequency have "
+            f"{self.counted_deg[k]:.6g} deg: the whole turns differ by {self.turns[k]:d}; the turns that the linear model tells, or its "
+            "lags, are wrong"
         )
         raise AnalysisError(message, frequency=float(self.omega[k]), turns=float(self.turns[k]))
 
@@ -126,7 +127,9 @@ def _first_grid(wanted: Floats, trim: Trim) -> Floats:
     _limit(needed, wanted)
     spread = np.geomspace(lowest, highest, 2 + int(PER_DECADE * np.log10(highest / lowest)))[:-1]
     even = np.linspace(lowest, highest, 2 + 2 * int(needed))[:-1]
-    return np.union1d(np.union1d(spread, even), wanted)
+    grid = np.union1d(np.union1d(spread, even), wanted)
+    _limit(grid.size, wanted)
+    return grid
 
 
 def _limit(orbits: float, omega: Floats) -> None:

@@ -13,6 +13,10 @@ from revline.errors import InvalidInputError
 if TYPE_CHECKING:
     from revline.lti.state_space import DelayStateSpace
 
+StepTimeOption = Annotated[
+    float | None, typer.Option("--until", metavar="S", help="Time that --step-out covers [s], in 1000 intervals; 5 if left out.")
+]
+
 STEP_TIME = 5.0
 """Seconds that a step response covers unless told otherwise."""
 
@@ -115,9 +119,7 @@ def linearize(
         Path | None,
         typer.Option("--step-out", metavar="FILE.csv", help="Write how all outputs answer a throttle step of 1 deg, delays exact."),
     ] = None,
-    until: Annotated[
-        float | None, typer.Option("--until", metavar="S", help="Time that --step-out covers [s], in 1000 intervals; 5 if left out.")
-    ] = None,
+    until: StepTimeOption = None,
     out: OutOption = None,
     json: JsonOption = False,
     quiet: QuietOption = False,
@@ -134,8 +136,7 @@ def linearize(
 
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "linear model")
-    _check_step(step, out, until)
-    shell.prepare(step, "step response")
+    _prepare_step(shell, step, out, until)
     plant = load_engine(engine)
     point = find_trim(plant, inputs={"throttle": throttle, "load_torque": load})
     found = linearize_system(plant, point)
@@ -175,7 +176,7 @@ def _list_roots(model: "DelayStateSpace", count: int | None, right_of: float | N
     return region_roots_record(find_roots_in(model, Region(left=right_of))) if right_of is not None else {}
 
 
-def _check_step(step: Path | None, out: Path | None, until: float | None) -> None:
+def _prepare_step(shell: Shell, step: Path | None, out: Path | None, until: float | None) -> None:
     """Refuse a step response that would be lost, or that is described but not asked for."""
     if step is None and until is not None:
         message = f"--until {until:g} is how long --step-out lasts; name a file with --step-out, or leave --until out"
@@ -183,6 +184,7 @@ def _check_step(step: Path | None, out: Path | None, until: float | None) -> Non
     if step is not None and out is not None and step.absolute() == out.absolute():
         message = f"--step-out {step} must be a file of its own; name another than that of --out"
         raise InvalidInputError(message)
+    shell.prepare(step, "step response")
 
 
 def _write_step(shell: Shell, path: Path | None, model: "DelayStateSpace", until: float | None) -> Mapping[str, Any]:
