@@ -24,7 +24,7 @@ from revline.analysis.linearize import linearize
 from revline.analysis.periodic import Excitation, RunSettings
 from revline.analysis.sinestream import Sinestream, find_sinestream
 from revline.analysis.trim import Trim, find_trim
-from revline.analysis.vanishing_amplitude import extrapolate_to_rest
+from revline.analysis.vanishing_amplitude import extrapolate_to_rest, find_reach
 from revline.engine.lee1995 import lee1995_parameters
 from revline.errors import AnalysisError, InvalidInputError
 from revline.lti.response import FrequencyResponse
@@ -344,6 +344,16 @@ def test_however_small_the_amplitude_asked_for_the_check_is_made(amplitude: floa
     assert np.max(comparison.used) < 0.3
     wrong = replace(response, values=response.values * (1.0 + 1e-6))
     assert not compare_routes(engine, trim, replace(SINE, amplitude=amplitude), wrong).agreed
+
+
+def test_an_input_without_a_range_is_moved_no_further_than_asked_for(wiener: DelaySystem) -> None:
+    unbounded = replace(wiener, inputs=tuple(replace(v, low=-np.inf, high=np.inf) for v in wiener.inputs))
+    trim = find_trim(unbounded, inputs={"force": 0.5})
+    sine = Excitation(input_name="force", output_name="straight", amplitude=1e-3)
+    assert find_reach(unbounded, trim, sine) == 1e-3
+    bounded = replace(wiener, inputs=tuple(replace(v, low=-1.0, high=1.0) for v in wiener.inputs))
+    assert find_reach(bounded, trim, sine) == pytest.approx(0.02)
+    assert find_reach(bounded, trim, replace(sine, amplitude=0.7)) == pytest.approx(0.5)
 
 
 def test_a_frequency_of_zero_is_refused(engine: DelaySystem, trim: Trim) -> None:

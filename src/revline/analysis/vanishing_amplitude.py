@@ -12,7 +12,6 @@ import numpy as np
 
 from revline.analysis.balance_attempts import PartialBalance, attempt_balance
 from revline.analysis.harmonic_balance import BalanceSettings, HarmonicBalance
-from revline.analysis.linearize import search_scale
 from revline.analysis.periodic import Excitation
 from revline.analysis.sinestream import MissingAnswer
 from revline.analysis.trim import Trim
@@ -25,7 +24,8 @@ FIRST = 1.0 / 16.0
 """Largest amplitude of the first three, as a part of how far the input may go."""
 
 LEAST_REACH = 0.01
-"""Amplitudes are not made from one below this part of the input's search range: what so small a sinusoid moves is lost in rounding."""
+"""Amplitudes are not made from one below this part of the input's range, where it has one: what so small a sinusoid moves is lost in
+rounding."""
 
 SMALLER = 0.25
 """The next three amplitudes as a part of these, where the extrapolation is not good enough."""
@@ -80,8 +80,8 @@ def extrapolate_to_rest(system: DelaySystem, trim: Trim, excitation: Excitation,
     Args:
         system: any system with delay channels.
         trim: a stable steady state.
-        excitation: what is moved and watched; its amplitude, or a hundredth of the input's search range if that is larger, or the way to
-            the input's nearest end if that is shorter, is where to start.
+        excitation: what is moved and watched; its amplitude, or a hundredth of the input's range if it has one and that is larger, or the
+            way to the input's nearest end if that is shorter, is where to start.
         omega: frequencies in rad/s, above 0, strictly rising.
 
     Returns:
@@ -125,7 +125,8 @@ def find_reach(system: DelaySystem, trim: Trim, excitation: Excitation) -> float
     """
     moved = system.inputs[index_of(system.inputs, excitation.input_name)]
     base = trim.input(moved.name)
-    reach = min(max(excitation.amplitude, LEAST_REACH * search_scale(moved)), base - moved.low, moved.high - base)
+    least = LEAST_REACH * (moved.high - moved.low)
+    reach = min(max(excitation.amplitude, least if np.isfinite(least) else 0.0), base - moved.low, moved.high - base)
     if reach <= 0.0:
         message = f"{moved.name} = {base:g} {moved.unit} is at an end of its range: no sinusoid has room there; move the operating point"
         raise AnalysisError(message, base=base)
