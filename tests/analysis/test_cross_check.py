@@ -11,6 +11,7 @@ from revline.analysis.cross_check import (
     FLOOR,
     LARGE_SIGNAL,
     LOOSEST,
+    PROBES,
     SMALL_SIGNAL,
     CrossCheck,
     compare_routes,
@@ -23,7 +24,7 @@ from revline.analysis.linearize import linearize
 from revline.analysis.periodic import Excitation, RunSettings
 from revline.analysis.sinestream import Sinestream, find_sinestream
 from revline.analysis.trim import Trim, find_trim
-from revline.analysis.vanishing_amplitude import extrapolate_to_rest
+from revline.analysis.vanishing_amplitude import extrapolate_to_rest, find_reach
 from revline.engine.lee1995 import lee1995_parameters
 from revline.errors import AnalysisError, InvalidInputError
 from revline.lti.response import FrequencyResponse
@@ -329,6 +330,30 @@ def test_no_false_alarm_at_random_points_limits_included(engine: DelaySystem) ->
         parts += [float(comparison.used.max()) for comparison in found.comparisons]
     assert len(parts) == 80
     assert max(parts) < 1.0
+
+
+@pytest.mark.parametrize("amplitude", [1e-9, 1e-5, 1e-3])
+def test_however_small_the_amplitude_asked_for_the_check_is_made(amplitude: float, engine: DelaySystem, trim: Trim) -> None:
+    """The smallest of these used to be lost in rounding, so that nothing was checked, or all but the tolerance was used up."""
+    omega = np.array([0.01, 10.0, 300.0])
+    response = find_exact_response(engine, trim, omega, input_name="throttle", output_name="engine_speed")
+    check = compare_routes(engine, trim, replace(SINE, amplitude=amplitude), response)
+    assert check.unchecked == ()
+    (comparison,) = check.comparisons
+    assert comparison.difference.omega.size == omega.size + len(PROBES)
+    assert np.max(comparison.used) < 0.3
+    wrong = replace(response, values=response.values * (1.0 + 1e-6))
+    assert not compare_routes(engine, trim, replace(SINE, amplitude=amplitude), wrong).agreed
+
+
+def test_an_input_without_a_range_is_moved_no_further_than_asked_for(wiener: DelaySystem) -> None:
+    unbounded = replace(wiener, inputs=tuple(replace(v, low=-np.inf, high=np.inf) for v in wiener.inputs))
+    trim = find_trim(unbounded, inputs={"force": 0.5})
+    sine = Excitation(input_name="force", output_name="straight", amplitude=1e-3)
+    assert find_reach(unbounded, trim, sine) == 1e-3
+    bounded = replace(wiener, inputs=tuple(replace(v, low=-1.0, high=1.0) for v in wiener.inputs))
+    assert find_reach(bounded, trim, sine) == pytest.approx(0.02)
+    assert find_reach(bounded, trim, replace(sine, amplitude=0.7)) == pytest.approx(0.5)
 
 
 def test_a_frequency_of_zero_is_refused(engine: DelaySystem, trim: Trim) -> None:

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from revline.analysis import linear_range
 from revline.analysis.describing import find_describing_functions, largest_amplitude
 from revline.analysis.harmonic_balance import BalanceSettings
 from revline.analysis.linear_range import HoldsThroughout, HoldsUntilNoOrbit, HoldsUpTo, RangeLimits, find_linear_ranges
@@ -103,6 +104,16 @@ def test_the_amplitude_at_a_limit_is_the_closed_form_s() -> None:
         assert entry.error == pytest.approx(0.04, rel=2e-6)
         assert np.min(np.abs(found.grid.amplitudes - amplitude)) > 1e-3  # it is no point of the grid
     assert found.narrowest.omega == 0.3
+
+
+def test_a_search_that_is_given_up_does_not_say_that_the_model_holds_throughout(monkeypatch: pytest.MonkeyPatch) -> None:
+    limits = RangeLimits(error=0.04)
+    wanted = find_linear_ranges(CUBIC, find_trim(CUBIC), LATE, [0.3], limits=limits).ranges[0].amplitude
+    monkeypatch.setattr(linear_range, "MOST_TRIES", 1)
+    (entry,) = find_linear_ranges(CUBIC, find_trim(CUBIC), LATE, [0.3], limits=limits).ranges
+    assert isinstance(entry, HoldsUpTo)
+    assert 0.5 * wanted < entry.amplitude < wanted  # what is left out is on the safe side
+    assert entry.error < 0.04
 
 
 def test_the_distortion_may_be_what_ends_the_range() -> None:

@@ -23,6 +23,14 @@ def test_the_model_tells_all_turns_however_far_apart_the_frequencies(model: Dela
     assert follow_phase(model, grid, "force", "straight") == pytest.approx(-np.arctan(grid / 3.0) - 0.3 * grid, rel=1e-9)
 
 
+@pytest.mark.parametrize("angle", [6.0, 25.0])
+def test_turns_do_not_depend_on_the_lowest_frequency(angle: float, engine: DelaySystem) -> None:
+    """At 6 deg lags and poles have turned the phase by more than half a turn at a thousandth of 10000 rad/s."""
+    model = linearize(engine, find_trim(engine, inputs={"throttle": angle})).model
+    from_far_below = follow_phase(model, [0.001, 10000.0], "throttle", "engine_speed")[-1]
+    assert follow_phase(model, [10000.0], "throttle", "engine_speed")[0] == pytest.approx(from_far_below, abs=1e-6)
+
+
 def test_neighbours_alone_lose_turns() -> None:
     """Negative control: the same response unwrapped from neighbour to neighbour is wrong by whole turns, and says so where it can."""
     grid = np.array([1.0, 30.0, 60.0])

@@ -196,3 +196,13 @@ def test_a_step_of_the_linear_model_is_written(revline: Command, tmp_path: Path)
     assert len(lines) == 1002
     assert float(lines[-1].split(",")[1]) == record["final"]["engine_speed"]
     assert revline("linearize", "--throttle", 25, "--step-out", path, "--until", 0).status == 2
+
+
+def test_a_step_that_would_be_lost_or_is_not_asked_for_is_refused(revline: Command, tmp_path: Path) -> None:
+    path = tmp_path / "both.json"
+    done = revline("linearize", "--throttle", 25, "--out", path, "--step-out", path)
+    assert (done.status, path.exists()) == (2, False)
+    assert "must be a file of its own; name another than that of --out" in " ".join(done.err.split())
+    done = revline("linearize", "--throttle", 25, "--until", 3)
+    assert (done.status, done.out) == (2, "")
+    assert "--until 3 is how long --step-out lasts; name a file with --step-out, or leave --until out" in " ".join(done.err.split())

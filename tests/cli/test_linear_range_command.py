@@ -59,11 +59,16 @@ def test_where_there_is_no_orbit_it_says_why(revline: Command) -> None:
 def test_what_is_refused(revline: Command, tmp_path: Path) -> None:
     same = tmp_path / "x.csv"
     for arguments, status, words in (
-        (("--throttle", 25, "--amplitudes", "5,30"), 2, "amplitude = 30 deg"),
+        (
+            ("--throttle", 25, "--amplitudes", "5,30"),
+            2,
+            "amplitude = 30 deg is outside 0 to 25 deg, without 0, which is as far as throttle",
+        ),
         (("--throttle", 25, "--amplitudes", "5,4"), 2, "do not rise"),
         (("--throttle", 25, "--frequencies", "0,1"), 2, "frequency = 0 rad/s"),
-        (("--throttle", 25, "--within", 0), 2, "limit of the linear model's error"),
-        (("--throttle", 25, "--distortion-within", 0), 2, "limit of the distortion"),
+        (("--throttle", 25, "--within", 0), 2, "--within = 0 % is outside 0.001 to 100; give a percentage such as 5"),
+        (("--throttle", 25, "--within", 100), 2, "--within = 100 % is outside 0.001 to 100"),
+        (("--throttle", 25, "--distortion-within", 0), 2, "--distortion-within = 0 % is outside 0.001 and above"),
         (("--throttle", 25, "--out", same, "--cells", same), 2, "must be a file of its own"),
         (("--throttle", 25, "--cells", "-"), 2, "must be a file of its own"),
         (("--throttle", 4), 1, "not open-loop stable"),

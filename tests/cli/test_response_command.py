@@ -3,11 +3,15 @@ import math
 from contextlib import nullcontext
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from revline.analysis import linearize
+from revline.analysis import linearize, phase_turns, turn_check
+from revline.analysis.phase_turns import follow_phase
 from revline.cli.shell import Shell
 from revline.io.response_files import read_response
+from revline.lti.state_space import DelayStateSpace
+from revline.system import Floats
 
 from .conftest import Command
 
@@ -197,6 +201,33 @@ def test_routes_are_compared_as_asked(method: str, check: str | None, routes: in
     assert ("effect_of_amplitude" in found) is effect
     if effect:
         assert found["effect_of_amplitude"]["largest_magnitude_difference"] == pytest.approx(0.0144, abs=2e-3)
+
+
+def test_whole_turns_are_checked_and_a_wrong_one_fails(revline: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    arguments = ("response", "--throttle", 25, "--frequencies", "10,300", "--method", "harmonic-balance", "--json")
+    done = revline(*arguments)
+    assert done.status == 0
+    turns = json.loads(done.out)["cross_check"]["turns"]
+    assert (turns["agreed"], turns["differ_at_rad_s"]) == (True, [])
+    assert turns["orbits"] > 20
+
+    def one_turn_too_many(model: DelayStateSpace, omega: Floats, input_name: str, output_name: str) -> Floats:
+        return follow_phase(model, omega, input_name, output_name) - 2.0 * np.pi * (omega > 100.0)
+
+    monkeypatch.setattr(phase_turns, "follow_phase", one_turn_too_many)
+    done = revline(*arguments)
+    assert done.status == 1
+    found = json.loads(done.out)["cross_check"]
+    assert (found["agreed"], found["turns"]["differ_at_rad_s"]) == (False, [300.0])
+    assert "error: cross-check failed at 1 of 2 frequencies: at 300 rad/s the phase is given as" in done.err
+
+
+def test_turns_that_cannot_be_checked_are_said(revline: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(turn_check, "MOST_ORBITS", 10)
+    done = revline("response", "--throttle", 25, "--frequencies", "10,300", "--method", "exact", "--json")
+    assert done.status == 0
+    assert "turns" not in json.loads(done.out)["cross_check"]
+    assert "warning: the whole turns of the phase were not checked: to count the turns" in done.err
 
 
 def test_a_check_that_was_not_asked_for_is_not_there(revline: Command) -> None:

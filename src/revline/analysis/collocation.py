@@ -15,6 +15,9 @@ from revline.lti.response import Complexes
 from revline.system import Floats
 from revline.values import make_read_only
 
+BLOCK = 16384
+"""Values of waves that are computed at once: more do not fit the processor's cache, and take twice as long."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Collocation:
@@ -55,7 +58,8 @@ class Collocation:
 
     def read_each(self, waves: Complexes, samples: Floats) -> Floats:
         """Read signals each at phases of its own: waves of shape (n, P, K, H + 1) of samples (n, N, K) to values (n, P, K)."""
-        found: Floats = np.einsum("npkq,nqk->npk", waves.view(float), self.parts @ samples)
+        signals = np.swapaxes(self.parts @ samples, 1, 2)[..., None]
+        found: Floats = np.swapaxes((np.swapaxes(waves.view(float), 1, 2) @ signals)[..., 0], 1, 2)
         return found
 
     def waves(self, phases: Floats) -> Complexes:
@@ -63,17 +67,25 @@ class Collocation:
 
         Computed as powers of exp(j phase) by repeated doubling of the list, which costs one cosine and one sine per phase.
         """
-        base = np.empty(phases.shape, dtype=complex)
-        np.cos(phases, out=base.real)
-        np.sin(phases, out=base.imag)
-        found = np.empty((*phases.shape, self.harmonics + 1), dtype=complex)
-        found[..., 0] = 1.0
-        have = 1
+        flat = phases.ravel()
+        block = max(1, BLOCK // (self.harmonics + 1))
+        found = np.empty((flat.size, self.harmonics + 1), dtype=complex)
+        for start in range(0, flat.size, block):
+            found[start : start + block] = self._powers(flat[start : start + block]).T
+        return found.reshape(*phases.shape, self.harmonics + 1)
+
+    def _powers(self, phases: Floats) -> Complexes:
+        """Give exp(j m phase), the harmonics along the first axis, so that each product runs over all phases in one go."""
+        powers = np.empty((self.harmonics + 1, phases.size), dtype=complex)
+        powers[0] = 1.0
+        np.cos(phases, out=powers[1].real)
+        np.sin(phases, out=powers[1].imag)
+        have = 2
         while have <= self.harmonics:
-            more = min(have, self.harmonics + 1 - have)
-            np.multiply(found[..., :more], (found[..., have - 1] * base)[..., None], out=found[..., have : have + more])
+            more = min(have - 1, self.harmonics + 1 - have)
+            np.multiply(powers[1 : 1 + more], powers[have - 1], out=powers[have : have + more])
             have += more
-        return found
+        return powers
 
 
 @functools.lru_cache(maxsize=16)

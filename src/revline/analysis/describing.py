@@ -281,8 +281,8 @@ def check_amplitudes(amplitudes: ArrayLike | None, moved: Variable, largest: flo
         message = f"the amplitudes {ladder.tolist()} {moved.unit} do not rise from above 0 on; give each once, the smallest first"
         raise InvalidInputError(message)
     if ladder[-1] > largest:
-        remedy = f"that {moved.name} can have about this point; leave it out"
-        raise out_of_range("amplitude", float(ladder[-1]), moved.unit, f"above 0 up to the {largest:g} {moved.unit}", remedy)
+        limit = f"0 to {largest:g} {moved.unit}, without 0, which is as far as {moved.name} can move about this point"
+        raise out_of_range("amplitude", float(ladder[-1]), moved.unit, limit, "leave it out")
     return ladder
 
 

@@ -288,7 +288,8 @@ class _Search:
         """Say how far the linear model holds at a frequency."""
         omega, amplitude = float(grid.omega[row]), float(self.low.amplitude[row])
         error, distortion = float(self.low.error[row]), float(self.low.distortion[row])
-        if self.crossed[row]:
+        given_up = self.open[row] and not self.refused[row]  # the limit is reached, somewhere above the lower end
+        if self.crossed[row] or given_up:
             by_error = error / self.limits.error >= distortion / self.limits.distortion
             return HoldsUpTo(
                 omega=omega,

@@ -18,7 +18,13 @@ from revline.units import DEGREE
 from revline.values import make_read_only
 
 LOWEST = 1e-3
-"""Where the model's phase is followed from, as a part of the lowest frequency."""
+"""Where the model's phase is followed from at most, as a part of the lowest frequency."""
+
+SLOW = 0.1
+"""The same as a part of the model's slowest rate, and of one over its lags: there no lag and no pole has turned the phase yet."""
+
+SLOWEST = 1e-9
+"""Rates below this part of the lowest frequency count as none, as those of integrators."""
 
 LARGEST_JUMP = np.pi / 6.0
 """Largest difference of neighbouring phases of the model, in radians."""
@@ -85,14 +91,17 @@ def follow_phase(model: DelayStateSpace, omega: ArrayLike, input_name: str, outp
         output_name: which output.
 
     Returns:
-        Phases in radians, negative for lag, counted from -pi to pi at a thousandth of the lowest frequency.
+        Phases in radians, negative for lag, counted from -pi to pi at a frequency that is slow for the model, at most a thousandth of the
+        lowest one.
 
     Raises:
         InvalidInputError: there is no such signal, or the frequencies cannot be used.
         NotConvergedError: the model does not answer at a frequency, or its phase turns too fast to be followed.
     """
     wanted = check_frequencies(omega)
-    grid = _first_grid(wanted, float(np.sum(model.lags)))
+    rates = np.append(np.abs(np.linalg.eigvals(model.A)), 1.0 / max(float(np.sum(model.lags)), np.finfo(float).tiny))
+    lowest = min(LOWEST * wanted[0], SLOW * float(np.min(rates, where=rates > SLOWEST * wanted[0], initial=np.inf)))
+    grid = _first_grid(wanted, lowest, float(np.sum(model.lags)))
     while True:
         values = model.response(grid, input_name, output_name).values
         if np.any(values == 0.0):
@@ -110,8 +119,8 @@ def follow_phase(model: DelayStateSpace, omega: ArrayLike, input_name: str, outp
     return found
 
 
-def _first_grid(wanted: Floats, total_lag: float) -> Floats:
-    lowest, highest = LOWEST * wanted[0], wanted[-1]
+def _first_grid(wanted: Floats, lowest: float, total_lag: float) -> Floats:
+    highest = wanted[-1]
     spread = np.geomspace(lowest, highest, 2 + int(60 * np.log10(highest / lowest)))
     needed = highest * total_lag / LARGEST_JUMP
     if needed > MOST_POINTS:

@@ -23,6 +23,10 @@ from revline.values import make_read_only
 FIRST = 1.0 / 16.0
 """Largest amplitude of the first three, as a part of how far the input may go."""
 
+LEAST_REACH = 0.01
+"""Amplitudes are not made from one below this part of the input's range, where it has one: what so small a sinusoid moves is lost in
+rounding."""
+
 SMALLER = 0.25
 """The next three amplitudes as a part of these, where the extrapolation is not good enough."""
 
@@ -76,7 +80,8 @@ def extrapolate_to_rest(system: DelaySystem, trim: Trim, excitation: Excitation,
     Args:
         system: any system with delay channels.
         trim: a stable steady state.
-        excitation: what is moved and watched; its amplitude, or the way to the input's nearest end if that is shorter, is where to start.
+        excitation: what is moved and watched; its amplitude, or a hundredth of the input's range if it has one and that is larger, or the
+            way to the input's nearest end if that is shorter, is where to start.
         omega: frequencies in rad/s, above 0, strictly rising.
 
     Returns:
@@ -87,7 +92,7 @@ def extrapolate_to_rest(system: DelaySystem, trim: Trim, excitation: Excitation,
         InvalidInputError: a name or a frequency cannot be used.
         AnalysisError: the trim is unstable, or the input is at an end of its range.
     """
-    amplitude = FIRST * _reach(system, trim, excitation)
+    amplitude = FIRST * find_reach(system, trim, excitation)
     found: dict[float, _Try] = {}
     reasons: dict[float, str] = {}
     pending = omega
@@ -111,11 +116,17 @@ def extrapolate_to_rest(system: DelaySystem, trim: Trim, excitation: Excitation,
     )
 
 
-def _reach(system: DelaySystem, trim: Trim, excitation: Excitation) -> float:
-    """How far the sinusoid may go at most."""
+def find_reach(system: DelaySystem, trim: Trim, excitation: Excitation) -> float:
+    """Find the amplitude that small ones are parts of: that of the excitation, not too small for rounding, and inside the input's range.
+
+    Raises:
+        InvalidInputError: there is no such input.
+        AnalysisError: the input is at an end of its range.
+    """
     moved = system.inputs[index_of(system.inputs, excitation.input_name)]
     base = trim.input(moved.name)
-    reach = min(excitation.amplitude, base - moved.low, moved.high - base)
+    least = LEAST_REACH * (moved.high - moved.low)
+    reach = min(max(excitation.amplitude, least if np.isfinite(least) else 0.0), base - moved.low, moved.high - base)
     if reach <= 0.0:
         message = f"{moved.name} = {base:g} {moved.unit} is at an end of its range: no sinusoid has room there; move the operating point"
         raise AnalysisError(message, base=base)

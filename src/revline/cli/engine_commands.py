@@ -13,6 +13,13 @@ from revline.errors import InvalidInputError
 if TYPE_CHECKING:
     from revline.lti.state_space import DelayStateSpace
 
+StepTimeOption = Annotated[
+    float | None, typer.Option("--until", metavar="S", help="Time that --step-out covers [s], in 1000 intervals; 5 if left out.")
+]
+
+STEP_TIME = 5.0
+"""Seconds that a step response covers unless told otherwise."""
+
 
 def engines(
     *,
@@ -112,7 +119,7 @@ def linearize(
         Path | None,
         typer.Option("--step-out", metavar="FILE.csv", help="Write how all outputs answer a throttle step of 1 deg, delays exact."),
     ] = None,
-    until: Annotated[float, typer.Option("--until", metavar="S", help="Time that --step-out covers [s], in 1000 intervals.")] = 5.0,
+    until: StepTimeOption = None,
     out: OutOption = None,
     json: JsonOption = False,
     quiet: QuietOption = False,
@@ -129,7 +136,7 @@ def linearize(
 
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "linear model")
-    shell.prepare(step, "step response")
+    _prepare_step(shell, step, out, until)
     plant = load_engine(engine)
     point = find_trim(plant, inputs={"throttle": throttle, "load_torque": load})
     found = linearize_system(plant, point)
@@ -169,13 +176,24 @@ def _list_roots(model: "DelayStateSpace", count: int | None, right_of: float | N
     return region_roots_record(find_roots_in(model, Region(left=right_of))) if right_of is not None else {}
 
 
-def _write_step(shell: Shell, path: Path | None, model: "DelayStateSpace", until: float) -> Mapping[str, Any]:
+def _prepare_step(shell: Shell, step: Path | None, out: Path | None, until: float | None) -> None:
+    """Refuse a step response that would be lost, or that is described but not asked for."""
+    if step is None and until is not None:
+        message = f"--until {until:g} is how long --step-out lasts; name a file with --step-out, or leave --until out"
+        raise InvalidInputError(message)
+    if step is not None and out is not None and step.absolute() == out.absolute():
+        message = f"--step-out {step} must be a file of its own; name another than that of --out"
+        raise InvalidInputError(message)
+    shell.prepare(step, "step response")
+
+
+def _write_step(shell: Shell, path: Path | None, model: "DelayStateSpace", until: float | None) -> Mapping[str, Any]:
     """Write the step response where a file is named, and give its summary as a record."""
     from revline.io.step_records import STEP_INTERVALS, format_step, step_record
     from revline.lti.time_response import sample_times, step_response
 
     if path is None:
         return {}
-    found = step_response(model, sample_times(until, STEP_INTERVALS), input_name="throttle")
+    found = step_response(model, sample_times(STEP_TIME if until is None else until, STEP_INTERVALS), input_name="throttle")
     shell.write(path, format_step(found), "step response")
     return {"step": step_record(found)}

@@ -8,10 +8,13 @@ import typer
 
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption, ThrottleOption
 from revline.cli.shell import Grid, Shell, is_stdout
-from revline.errors import InvalidInputError
+from revline.errors import InvalidInputError, out_of_range
 
 if TYPE_CHECKING:
     from revline.analysis.linear_range import LinearRanges, RangeLimits
+
+LEAST_PERCENT, MOST_PERCENT = 1e-3, 100.0
+"""Smallest limit that can be asked for, and the end below which an error's must lie."""
 
 WORDS = MappingProxyType(
     {
@@ -82,7 +85,7 @@ def linear_range(
 
 
 def _check_cells(cells: Path | None, out: Path | None) -> None:
-    if is_stdout(cells) or (cells is not None and cells == out):
+    if is_stdout(cells) or (cells is not None and out is not None and cells.absolute() == out.absolute()):
         message = f"--cells {cells} must be a file of its own; name another than that of --out"
         raise InvalidInputError(message)
 
@@ -90,8 +93,13 @@ def _check_cells(cells: Path | None, out: Path | None) -> None:
 def _limits(within: float, distortion_within: float | None) -> "RangeLimits":
     from revline.analysis.linear_range import RangeLimits
 
+    if not LEAST_PERCENT <= within < MOST_PERCENT:
+        raise out_of_range("--within", within, "%", f"{LEAST_PERCENT:g} to {MOST_PERCENT:g}", "give a percentage such as 5")
     if distortion_within is None:
         return RangeLimits(error=within / 100.0)
+    if not distortion_within >= LEAST_PERCENT:
+        remedy = "give a percentage such as 5, or leave it out"
+        raise out_of_range("--distortion-within", distortion_within, "%", f"{LEAST_PERCENT:g} and above", remedy)
     return RangeLimits(error=within / 100.0, distortion=distortion_within / 100.0)
 
 

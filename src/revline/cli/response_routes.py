@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple, cast
 
 from revline.cli.shell import Shell
 from revline.errors import AnalysisError
@@ -109,7 +109,27 @@ def check_response(shell: Shell, place: Place, found: Found, depth: CheckChoice,
             stream=stream if depth == "full" else None,
             progress=progress,
         )
-    return _as_shown(check, _effect(exact, found), depth, warnings)
+    shown = _as_shown(check, _effect(exact, found), depth, warnings)
+    return _with_turns(shown, here, found) if check.vanishing.omega.size else shown
+
+
+def _with_turns(shown: Checked, place: Place, found: Found) -> Checked:
+    """Add a check of the phases' whole turns; where it cannot be made, that is said."""
+    from revline.analysis.turn_check import check_turns
+    from revline.io.cross_check_records import describe_turns, turn_record
+
+    try:
+        turns = check_turns(place.system, place.trim, place.excitation, found.response)
+    except AnalysisError as error:
+        return shown._replace(warnings=(*shown.warnings, f"the whole turns of the phase were not checked: {error}"))
+    disagreement = shown.disagreement
+    try:
+        turns.require_agreement()
+    except AnalysisError as error:
+        disagreement = disagreement or str(error)
+    record = dict(cast("Mapping[str, object]", shown.more["cross_check"]))
+    record["agreed"], record["turns"] = bool(record["agreed"]) and turns.agreed, turn_record(turns)
+    return Checked((*shown.lines, describe_turns(turns)), shown.warnings, {"cross_check": record}, disagreement)
 
 
 def _as_shown(check: "CrossCheck", effect: "ResponseDifference | None", depth: str, warnings: tuple[str, ...]) -> Checked:

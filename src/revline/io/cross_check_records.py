@@ -7,6 +7,7 @@ import numpy as np
 
 from revline.analysis.cross_check import CrossCheck
 from revline.analysis.routes import ResponseDifference, RouteComparison
+from revline.analysis.turn_check import TurnCheck
 
 
 def cross_check_record(found: CrossCheck, effect: ResponseDifference | None = None) -> Mapping[str, object]:
@@ -61,6 +62,29 @@ def describe_cross_check(found: CrossCheck, effect: ResponseDifference | None = 
             f"{effect.omega[k]:.4g} rad/s, and up to {effect.phase_deg[j]:+.2g} deg, at {effect.omega[j]:.4g} rad/s"
         )
     return tuple(lines)
+
+
+def turn_record(found: TurnCheck) -> Mapping[str, object]:
+    """Give a check of the phases' whole turns as a record.
+
+    Args:
+        found: the check.
+    """
+    return {"agreed": found.agreed, "orbits": found.orbits, "differ_at_rad_s": found.omega[found.turns != 0].tolist()}
+
+
+def describe_turns(found: TurnCheck) -> str:
+    """Give a check of the phases' whole turns as a line for people.
+
+    Args:
+        found: the check.
+    """
+    verb = "are" if found.agreed else "are NOT"
+    agreeing = int(np.sum(found.turns == 0))
+    return (
+        f"cross-check: the whole turns of the phase {verb} those counted along {found.orbits} small orbits from low frequency on, at "
+        f"{_count(agreeing, found.omega.size)}"
+    )
 
 
 def _count(agreeing: int, total: int) -> str:
