@@ -237,9 +237,9 @@ def _follow(loop: DelaySystem, onset: Onset, watched: int, largest: float) -> tu
         except NotConvergedError:
             if attempt == SMALLER:
                 raise
-        if len(found) >= FEWEST:
+        if len(found) >= FEWEST and (attempt == SMALLER or _agree(float(onset.inputs[-1]), found)):
             break
-        largest *= (len(found) + 1) / POINTS
+        largest *= min(len(found) + 1, FEWEST) / POINTS
     if not found:
         message = f"no cycle near the onset at {onset.frequency:g} rad/s is smooth enough to be followed by its harmonics; simulate"
         raise NotConvergedError(message)
@@ -270,9 +270,26 @@ def _boundary(plant: DelaySystem, rest: Trim, gains: PidGains, wires: LoopSignal
     return min(ends, key=lambda c: abs(math.log(c.gain_margin)))
 
 
+def _agree(factor: float, found: tuple[BranchPoint, ...]) -> bool:
+    """Whether the first two cycles tell the same kind of onset, extrapolated to nothing: those that touch a limit do not."""
+    first, second = _slopes(factor, found)[:2]
+    return _extrapolated(found, first, second) * first > 0.0
+
+
+def _slopes(factor: float, found: tuple[BranchPoint, ...]) -> list[float]:
+    """Change of the factor per square of the amplitude, of the first two cycles."""
+    return [(point.parameter - factor) / point.amplitude**2 for point in found[:2]]
+
+
+def _extrapolated(found: tuple[BranchPoint, ...], first: float, second: float) -> float:
+    """That change as the amplitude vanishes."""
+    ratio = (found[1].amplitude / found[0].amplitude) ** 2
+    return (ratio * first - second) / (ratio - 1.0)
+
+
 def _curvature(factor: float, found: tuple[BranchPoint, ...]) -> float:
     """Change of the factor per square of the amplitude as that vanishes, extrapolated from the first two cycles."""
-    slopes = [(point.parameter - factor) / point.amplitude**2 for point in found[:2]]
+    slopes = _slopes(factor, found)
     if abs(found[0].parameter / factor - 1.0) < FLAT:
         message = (
             f"the gains hardly change along the first cycles (by {found[0].parameter / factor - 1.0:.2g} of themselves): whether hunting "
@@ -281,8 +298,7 @@ def _curvature(factor: float, found: tuple[BranchPoint, ...]) -> float:
         raise NotConvergedError(message)
     if len(slopes) == 1:
         return slopes[0]
-    ratio = (found[1].amplitude / found[0].amplitude) ** 2
-    value = (ratio * slopes[0] - slopes[1]) / (ratio - 1.0)
+    value = _extrapolated(found, slopes[0], slopes[1])
     if value * slopes[0] <= 0.0:
         message = f"the first cycles tell no kind of onset: the gains change by {slopes[0]:.3g} and {slopes[1]:.3g} per square of amplitude"
         raise NotConvergedError(message)
