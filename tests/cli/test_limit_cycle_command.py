@@ -42,6 +42,19 @@ def test_loops_that_do_not_hunt_say_how_they_end(revline: Command, tmp_path: Pat
         assert "simulated" not in record
 
 
+def test_a_cycle_that_is_not_resolved_is_given_as_simulated(revline: Command, tmp_path: Path) -> None:
+    """Much derivative action at a small throttle: sharp swings from limit to limit."""
+    done = revline("limit-cycle", controller(tmp_path, 6.0, 6.0, 0.05), "--throttle", 12, "--command", 5, "--json")
+    assert done.status == 0, done.err
+    record = json.loads(done.out)
+    found = record["simulated_only"]
+    assert "limit_cycle" not in record
+    assert (found["low_rad_s"], found["period_s"]) == (record["simulated"]["low_rad_s"], record["simulated"]["period_s"])
+    assert 0.0 <= found["period_spread_s"] < 1e-2 * found["period_s"]
+    assert "is not resolved with" in found["reason"]
+    assert "known from the simulation only" in " ".join(done.err.split())
+
+
 def test_what_is_refused(revline: Command, tmp_path: Path) -> None:
     c1, zero, against = (controller(tmp_path, *gains) for gains in ((2.153, 16.85), (0.0, 0.0), (-1.0, -5.0)))
     for status, words, arguments in (

@@ -12,7 +12,7 @@ from revline.analysis.trim import Trim, find_trim
 from revline.design import hunting, onset
 from revline.design.closed_loop import Limits, LoopRun, LoopTask, OperatingPoint, operating_point, run_loop
 from revline.design.controller import PidGains
-from revline.design.hunting import confirm_cycle, run_to_its_end
+from revline.design.hunting import HuntingOrbit, UnrefinedCycle, confirm_cycle, refine_cycle, run_to_its_end
 from revline.design.onset import RayTask, find_onset
 from revline.design.outcome import LimitCycle, Settled
 from revline.engine.lee1995 import lee1995
@@ -173,8 +173,10 @@ def test_at_small_throttle_hunting_begins_hard(engine: DelaySystem) -> None:
     found = find_onset(engine, trim, gains(2.0, 6.0), RayTask(command=0.0, largest=5.0), limits=LIMITS)
     assert found.kind == "hard"
     assert found.lowest_factor < found.factor
-    assert not found.lowest_is_fold
-    last = found.points[-1]
+    assert found.lowest_is_fold  # followed beyond the amplitude asked for, until it turns
+    assert found.points[-1].amplitude > 10.0
+    assert found.points[-1].factor > found.points[-2].factor
+    last = found.points[9]
     assert last.factor < found.factor
     assert not last.stable
     assert last.certain
@@ -185,6 +187,75 @@ def test_at_small_throttle_hunting_begins_hard(engine: DelaySystem) -> None:
     ]
     assert isinstance(ends[0], Settled)
     assert not isinstance(ends[1], Settled)
+
+
+@pytest.mark.slow
+def test_below_the_fold_of_a_hard_onset_no_knock_starts_hunting(engine: DelaySystem) -> None:
+    """Simulated at 12 deg from many speeds: 3 % below the fold all come to rest, 3 % above it some do not."""
+    trim = find_trim(engine, inputs={"throttle": 12.0})
+    found = find_onset(engine, trim, gains(2.0, 6.0), RayTask(command=0.0, largest=5.0), limits=LIMITS)
+
+    def ends(share: float) -> list[bool]:
+        near = gains(2.0, 6.0).scaled(kp=share * found.lowest_factor, ki=share * found.lowest_factor)
+        tries = (
+            run_to_its_end(engine, knocked(trim, by), near, LoopTask(command=-by, until=200.0), limits=LIMITS)
+            for by in (5.0, 20.0, 40.0, 60.0)
+        )
+        return [isinstance(run.outcome, Settled) for run in tries]
+
+    assert all(ends(0.97))
+    assert not all(ends(1.03))
+
+
+@pytest.mark.slow
+def test_a_family_too_small_for_the_amplitude_asked_for_is_followed_in_smaller_steps(engine: DelaySystem) -> None:
+    """At 70 deg the throttle's limit holds cycles below 2 rad/s: a first amplitude of that is none, smaller ones are."""
+    trim = find_trim(engine, inputs={"throttle": 70.0})
+    found = find_onset(engine, trim, gains(1.0, 3.0), RayTask(command=2.0, largest=22.0), limits=LIMITS)
+    assert len(found.points) >= onset.FEWEST
+    assert found.points[0].amplitude < 2.0
+    assert found.kind == "soft"
+
+
+def test_cycles_that_cannot_be_judged_do_not_hide_the_others(engine: DelaySystem, trim: Trim, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails_at_first(system: DelaySystem, inputs: np.ndarray, *arguments: object, **options: object) -> object:
+        if not tried:
+            tried.append(1)
+            raise NotConvergedError("the kinks do not stay")
+        return find_kinked_cycle(system, inputs, *arguments, **options)  # type: ignore[arg-type]  # passed on as they came
+
+    tried: list[int] = []
+    monkeypatch.setattr(onset, "find_kinked_cycle", fails_at_first)
+    found = find_onset(engine, trim, C1, RayTask(command=60.0, largest=2.0), limits=LIMITS)
+    assert [point.reason for point in found.unjudged] == ["the kinks do not stay"]
+    assert found.unjudged[0].factor > found.factor
+    assert len(found.points) == onset.POINTS - 1
+
+
+def test_a_family_without_smooth_cycles_is_an_error(engine: DelaySystem, trim: Trim, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(onset, "SMALLER", 0)
+    monkeypatch.setattr(onset, "COARSE", -1.0)
+    with pytest.raises(NotConvergedError, match=r"no cycle near the onset at 30\.\d+ rad/s is smooth enough"):
+        find_onset(engine, trim, C1, RayTask(command=60.0, largest=2.0), limits=LIMITS)
+    monkeypatch.setattr(onset, "follow_cycles", lambda *_, **__: (_ for _ in ()).throw(NotConvergedError("begin with a smaller one")))
+    with pytest.raises(NotConvergedError, match="begin with a smaller one"):
+        find_onset(engine, trim, C1, RayTask(command=60.0, largest=2.0), limits=LIMITS)
+
+
+def test_a_cycle_that_cannot_be_computed_is_given_as_simulated(
+    engine: DelaySystem, point: OperatingPoint, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = hunt(engine, point, C1, 60.0)
+    assert isinstance(refine_cycle(engine, point, run), HuntingOrbit)
+
+    def fails(*_: object, **__: object) -> object:
+        raise NotConvergedError("not resolved with 65 elements")
+
+    monkeypatch.setattr(hunting, "find_kinked_cycle", fails)
+    found = refine_cycle(engine, point, run)
+    assert isinstance(found, UnrefinedCycle)
+    assert found.simulated is run.outcome
+    assert found.reason == "not resolved with 65 elements"
 
 
 def knocked(trim: Trim, by: float) -> OperatingPoint:
@@ -212,8 +283,8 @@ def test_onsets_that_are_none_are_errors(engine: DelaySystem, trim: Trim, monkey
 
 
 def test_first_cycles_that_contradict_one_another_tell_no_kind(engine: DelaySystem, trim: Trim, monkeypatch: pytest.MonkeyPatch) -> None:
-    def turned(*arguments: object) -> object:
-        found = follow_cycles(*arguments)  # type: ignore[arg-type]  # passed on as they came
+    def turned(*arguments: object, **options: object) -> object:
+        found = follow_cycles(*arguments, **options)  # type: ignore[arg-type]  # passed on as they came
         return (replace(found[0], parameter=0.89), replace(found[1], parameter=0.5), *found[2:])
 
     monkeypatch.setattr(onset, "follow_cycles", turned)

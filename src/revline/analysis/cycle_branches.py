@@ -7,6 +7,7 @@ Source: Seydel (2010), Practical Bifurcation and Stability Analysis, chapters 4 
 (2004), Elements of Applied Bifurcation Theory, chapter 3, for soft (supercritical) and hard (subcritical) onset.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,12 +19,14 @@ from revline.analysis.jacobians import differentiate, evaluate, find_jacobians, 
 from revline.analysis.limit_cycles import Cycle
 from revline.analysis.orbit_equations import LinearOrbits, Misses, OrbitEquations, Orbits
 from revline.errors import InvalidInputError, NotConvergedError, out_of_range
-from revline.lti.batches import solve_each
 from revline.system import DelaySystem, Floats
 from revline.values import make_read_only
 
 MOST_STEPS = 20
 """Newton steps after which a cycle counts as not found."""
+
+LARGEST_STEP = 10.0
+"""A step this many times the swing, the frequency or the parameter leads nowhere."""
 
 STEP_TOLERANCE = 1e-9
 """Largest last step of a cycle that is found, as a part of the swing, the frequency and the parameter."""
@@ -82,7 +85,14 @@ class BranchAxes:
     watched: int
 
 
-def follow_cycles(system: DelaySystem, onset: Onset, axes: BranchAxes, amplitudes: Floats) -> tuple[BranchPoint, ...]:
+def follow_cycles(
+    system: DelaySystem,
+    onset: Onset,
+    axes: BranchAxes,
+    amplitudes: Floats,
+    *,
+    enough: Callable[[Sequence[BranchPoint]], bool] | None = None,
+) -> tuple[BranchPoint, ...]:
     """Follow the family of cycles that begins at an equilibrium.
 
     Args:
@@ -90,9 +100,10 @@ def follow_cycles(system: DelaySystem, onset: Onset, axes: BranchAxes, amplitude
         onset: where the family begins.
         axes: what is free, and what is prescribed.
         amplitudes: of the fundamental of the output, rising from above 0.
+        enough: tells from the cycles found so far that no larger ones are wanted; without it all are.
 
     Returns:
-        A cycle for each amplitude; fewer where the family cannot be followed further, but at least one.
+        A cycle for each amplitude; fewer where those found are enough or the family cannot be followed further, but at least one.
 
     Raises:
         InvalidInputError: the amplitudes do not rise from above 0, or the equilibrium does not oscillate in that output.
@@ -105,13 +116,15 @@ def follow_cycles(system: DelaySystem, onset: Onset, axes: BranchAxes, amplitude
         raise out_of_range("frequency at the onset", onset.frequency, "rad/s", "values above 0", "give that of the roots on the axis")
     family = _Family(system, axes)
     last = _begin(family, onset, float(amplitudes[0]))
-    before, found = last, []
+    before, found = last, list[BranchPoint]()
     for k, wanted in enumerate(amplitudes):
         reached = _reach(family, before, last, float(wanted)) if k else family.solve(last, float(wanted))
         if reached is None:
             break
         before, last = (last, reached) if k else (_rest(onset, reached), reached)
         found.append(family.point(reached))
+        if enough is not None and enough(found):
+            break
     if not found:
         message = (
             f"no cycle of {system.name} with an amplitude of {amplitudes[0]:g} {system.outputs[axes.watched].unit} is found at its onset, "
@@ -179,11 +192,14 @@ class _Family:
         equations = OrbitEquations(system=self.system, mesh=member.mesh)
         orbits, misses = equations.settle(member.orbits)
         for _ in range(MOST_STEPS):
-            step, readings = self._step(equations, orbits, misses, amplitude)
+            try:
+                step, readings = self._step(equations, orbits, misses, amplitude)
+            except np.linalg.LinAlgError:  # as where the control stays at its limits: no change of the gains changes the cycle
+                return None
             states, turn, change = step[:-2].reshape(orbits.states.shape), step[-2], step[-1]
             omega, value = float(orbits.omega[0]), self.parameter(orbits)
             size = max(float(np.max(np.abs(states) / equations.scales(orbits))), abs(turn) / omega, abs(change) / abs(value))
-            if not (np.isfinite(size) and omega + turn > 0.0):
+            if not (size <= LARGEST_STEP and omega + turn > 0.0):
                 return None
             moved = replace(orbits, omega=orbits.omega + turn, states=orbits.states + states, readings=orbits.readings + readings)
             orbits, misses = equations.settle(self.with_parameter(moved, value + change))
@@ -210,7 +226,7 @@ class _Family:
         extra = weights @ np.einsum("nc,nc->n", by_readings, linear.deliveries.by_omega[0])
         matrix[size], matrix[size + 1] = np.append(rows.real, [extra.real, 0.0]), np.append(rows.imag, [extra.imag, 0.0])
         now = complex(weights @ self._output(orbits))
-        step = solve_each(matrix, -np.concatenate((right.ravel(), [now.real - amplitude, now.imag])))
+        step = np.linalg.solve(matrix, -np.concatenate((right.ravel(), [now.real - amplitude, now.imag])))
         given = linear.deliveries
         readings = (given.by_states[0] @ step[:size]).reshape(excess.shape) + given.by_omega * step[size] - excess
         return step, readings - excess_by_parameter * step[size + 1]

@@ -2,7 +2,7 @@
 
 A trigonometric series converges slowly at a kink. Here a cycle found by harmonic balance, or a simulated one, is the start of another
 computation: polynomials on elements, collocated at Radau points. Where the arguments of a minimum or maximum cross along the cycle is
-found by bisection; so is where each channel delivers what entered it then, up to twice in a row. The elements are laid anew with ends
+found by a bracketed search; so is where each channel delivers what entered it then, up to twice in a row. The elements are laid anew with ends
 there, until these places stay. On the same elements the Floquet multipliers are computed, each coefficient taken from its own side of a
 kink.
 
@@ -73,7 +73,8 @@ class KinkedCycle:
         kinks: these, and when channels deliver them.
         multipliers: the largest, by falling magnitude, that of a shift along the cycle left out.
         trivial_error: how far that one is from 1, as it should be: a check of the whole computation.
-        error: estimated relative error of the period and of the states' extremes, by comparison with fewer elements.
+        error: estimated relative error of the period and of the states' extremes, by comparison with fewer elements, and not below what the
+            switches still move from one laying of the elements to the next.
         multiplier_error: estimated error of the largest multiplier, in the same way and not below `trivial_error`.
     """
 
@@ -130,7 +131,13 @@ class KinkedCycle:
 
 
 def find_kinked_cycle(
-    system: DelaySystem, inputs: Floats, guess: CycleGuess, *, tolerance: float = 1e-6, meet_kinks: int = GENERATIONS
+    system: DelaySystem,
+    inputs: Floats,
+    guess: CycleGuess,
+    *,
+    tolerance: float = 1e-6,
+    meet_kinks: int = GENERATIONS,
+    most_unknowns: int = MOST_UNKNOWNS,
 ) -> KinkedCycle:
     """Find a limit cycle again on elements that meet its kinks, and whether it is stable.
 
@@ -143,6 +150,7 @@ def find_kinked_cycle(
         guess: a rough cycle; from a simulation, or that of harmonic balance by `Cycle.as_guess`.
         tolerance: largest estimated error.
         meet_kinks: how many times in a row kinks are followed through the channels; -1 meets none at all.
+        most_unknowns: size of the largest linear system that is solved.
 
     Raises:
         InvalidInputError: the tolerance or `meet_kinks` is out of range.
@@ -156,8 +164,13 @@ def find_kinked_cycle(
     solved = _sampled(system, inputs, guess)
     best = None
     elements, extra, width = FIRST_ELEMENTS, 0, len(system.states) + len(system.channels)
-    while (elements + extra) * DEGREE * width <= MOST_UNKNOWNS:
-        found = _lay_until_still(system, inputs, solved, elements, meet_kinks)
+    while (elements + extra) * DEGREE * width <= most_unknowns:
+        try:
+            found = _lay_until_still(system, inputs, solved, elements, meet_kinks)
+        except NotConvergedError:
+            if best is None or best.error > ROUGH or not best.certain:
+                raise
+            return best
         best = found.judged(best)
         if max(best.error, best.multiplier_error) <= tolerance:
             return best
@@ -188,6 +201,7 @@ class _Found:
     solved: PiecewiseCycle
     switches: Floats
     kinks: Floats
+    unrest: float = 0.0  # how far the switches still move, in parts of the period
 
     @property
     def pieces(self) -> Pieces:
@@ -210,8 +224,8 @@ class _Found:
         measures, scales = self.measures
         change = moved = np.inf
         if before is not None:
-            change = float(np.max(np.abs(measures - before.measures) / scales))
-            moved = max(abs(float(np.abs(multipliers[0])) - before.largest), off)
+            change = max(float(np.max(np.abs(measures - before.measures) / scales)), self.unrest)
+            moved = max(abs(float(np.abs(multipliers[0])) - before.largest), off, self.unrest)
         return KinkedCycle(
             system=self.system,
             pieces=self.pieces,
@@ -243,6 +257,7 @@ def _sampled(system: DelaySystem, inputs: Floats, guess: CycleGuess) -> Piecewis
 def _lay_until_still(system: DelaySystem, inputs: Floats, start: PiecewiseCycle, elements: int, generations: int) -> _Found:
     """Solve on elements that end at the kinks, find the kinks anew, and so on until they stay."""
     switches, kinks = find_kinks(system, inputs, start, generations)
+    switches_before = switches
     for layout in range(MOST_LAYOUTS):
         solved = _solve(system, inputs, start.on(Pieces.lay(elements, kinks)))
         if generations < 0:
@@ -250,7 +265,10 @@ def _lay_until_still(system: DelaySystem, inputs: Floats, start: PiecewiseCycle,
         again, later = find_kinks(system, inputs, solved, generations)
         if _still(kinks, later) or (layout >= PATIENCE and _still(switches, again)):
             return _Found(system, inputs, solved, again, kinks)
-        start, switches, kinks = solved, again, later
+        start, switches, kinks, switches_before = solved, again, later, switches
+    moved = _moved(switches_before, switches)
+    if moved <= ROUGH:
+        return _Found(system, inputs, start, switches, kinks, unrest=moved)
     message = (
         f"the kinks of the cycle of {system.name} near {2.0 * np.pi / start.period:g} rad/s do not stay where they are found "
         f"({kinks.size} of them at last), as where an orbit touches a limit without crossing it; change the gains or the command a little"
@@ -259,7 +277,12 @@ def _lay_until_still(system: DelaySystem, inputs: Floats, start: PiecewiseCycle,
 
 
 def _still(before: Floats, after: Floats) -> bool:
-    return before.size == after.size and bool(np.all(np.abs(after - before) <= MOVED))
+    return _moved(before, after) <= MOVED
+
+
+def _moved(before: Floats, after: Floats) -> float:
+    """How far kinks have moved, in parts of the period; infinite where some are new or gone."""
+    return float(np.max(np.abs(after - before), initial=0.0)) if before.size == after.size else np.inf
 
 
 def _solve(system: DelaySystem, inputs: Floats, solved: PiecewiseCycle) -> PiecewiseCycle:

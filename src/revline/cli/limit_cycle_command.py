@@ -12,7 +12,7 @@ from revline.cli.shell import Facts, Grid, Shell
 if TYPE_CHECKING:
     from revline.analysis.trim import Trim
     from revline.design.closed_loop import LoopRun
-    from revline.design.hunting import HuntingOrbit
+    from revline.design.hunting import HuntingOrbit, UnrefinedCycle
     from revline.design.onset import HuntingOnset
     from revline.system import DelaySystem
 
@@ -43,15 +43,16 @@ def limit_cycle(
     """Find the limit cycle that a closed speed loop ends in after a step of its command, and whether it is stable.
 
     The loop is run as by `loop`. If it hunts, the cycle is computed as an orbit, its kinks at the throttle's limits met, and held against
-    the run; that they disagree is an error. If it settles, diverges or stalls, that is the result.
+    the run; that they disagree is an error. A cycle that cannot be computed so is given as the run shows it, with a warning. If it
+    settles, diverges or stalls, that is the result.
     """
     from revline.analysis.trim import find_trim
     from revline.design.closed_loop import Limits, LoopTask, describe_outcome, operating_point
-    from revline.design.hunting import confirm_cycle, run_to_its_end
+    from revline.design.hunting import refine_cycle, run_to_its_end
     from revline.design.outcome import LimitCycle
     from revline.engine.lee1995 import lee1995_parameters
     from revline.io.controller_files import read_controller
-    from revline.io.cycle_records import describe_orbit, onset_record, orbit_record, run_record
+    from revline.io.cycle_records import onset_record, run_record
     from revline.io.engine_files import load_engine
     from revline.io.json_files import format_json
 
@@ -67,9 +68,8 @@ def limit_cycle(
     orbit = None
     if isinstance(run.outcome, LimitCycle):
         with shell.busy("finding the cycle"):
-            orbit = confirm_cycle(plant, operating_point(trim), run)
-        record |= orbit_record(orbit)
-        parts.append(Facts(f"Limit cycle of {plant.name} under {gains.rule}", describe_orbit(orbit)))
+            orbit = refine_cycle(plant, operating_point(trim), run)
+        parts.append(_add_orbit(shell, record, orbit, f"Limit cycle of {plant.name} under {gains.rule}"))
     if onset:
         with shell.busy("following the cycles from where they begin"):
             begins = _find_onset(plant, trim, run, orbit)
@@ -79,10 +79,26 @@ def limit_cycle(
     shell.show(record, *parts, text_on=out)
 
 
-def _find_onset(plant: "DelaySystem", trim: "Trim", run: "LoopRun", orbit: "HuntingOrbit | None") -> "HuntingOnset":
+def _add_orbit(shell: Shell, record: dict[str, object], orbit: "HuntingOrbit | UnrefinedCycle", title: str) -> Facts:
+    from revline.design.hunting import UnrefinedCycle
+    from revline.io.cycle_records import describe_orbit, describe_unrefined, orbit_record, unrefined_record
+
+    if isinstance(orbit, UnrefinedCycle):
+        shell.warn(f"the cycle is known from the simulation only, its stability from that alone: {orbit.reason}")
+        record |= unrefined_record(orbit)
+        return Facts(title, describe_unrefined(orbit))
+    record |= orbit_record(orbit)
+    return Facts(title, describe_orbit(orbit))
+
+
+def _find_onset(plant: "DelaySystem", trim: "Trim", run: "LoopRun", orbit: "HuntingOrbit | UnrefinedCycle | None") -> "HuntingOnset":
+    from revline.design.hunting import UnrefinedCycle
     from revline.design.onset import RayTask, find_onset
 
-    largest = WITHOUT_CYCLE * run.start if orbit is None else AMPLE * float(orbit.harmonics[0])
+    if orbit is None:
+        largest = WITHOUT_CYCLE * run.start
+    else:
+        largest = AMPLE * (orbit.simulated.amplitude if isinstance(orbit, UnrefinedCycle) else float(orbit.harmonics[0]))
     return find_onset(plant, trim, run.gains, RayTask(command=run.command, largest=largest), limits=run.limits)
 
 
@@ -94,4 +110,7 @@ def _onset_parts(onset: "HuntingOnset") -> "list[Facts | Grid | str]":
         for p in onset.points
     ]
     header = ("factor of all gains", "amplitude [rad/s]", "period [s]", "cycle", "largest multiplier")
-    return [Facts("Onset of hunting", describe_onset(onset)), Grid("Cycles from the onset on", header, rows)]
+    parts: list[Facts | Grid | str] = [Facts("Onset of hunting", describe_onset(onset)), Grid("Cycles from the onset on", header, rows)]
+    if onset.unjudged:
+        parts.append(f"not judged, stable or not: {len(onset.unjudged)} more cycles of the family (the first: {onset.unjudged[0].reason})")
+    return parts

@@ -352,11 +352,17 @@ def _refuse_creep(run: LoopRun, end: float, criteria: Criteria) -> LoopRun:
     raise NotSettledError(message, value=outcome.value, end=end, ki=run.gains.ki)
 
 
+MISSED = 0.01
+"""A loop that comes to rest further from its target than this part of the command is said to miss it."""
+
+
 def describe_outcome(run: LoopRun) -> str:
     """Say in a line how a loop ended, with its numbers."""
     outcome, unit = run.outcome, run.gains.input_unit
     if isinstance(outcome, Settled):
-        return f"settles at {outcome.value:.6g} {unit}, overshoot {100.0 * run.overshoot:.1f} % of the command"
+        off, side = abs(outcome.steady_error), "below" if outcome.steady_error > 0.0 else "above"
+        missed = f", {off:.4g} {unit} {side} what is commanded" if off > MISSED * abs(run.command) else ""
+        return f"settles at {outcome.value:.6g} {unit}, overshoot {100.0 * run.overshoot:.1f} % of the command{missed}"
     if isinstance(outcome, LimitCycle):
         return f"hunts between {outcome.low:.6g} and {outcome.high:.6g} {unit}, period {outcome.period:.4g} s"
     if isinstance(outcome, Diverged):

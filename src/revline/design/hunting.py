@@ -99,6 +99,36 @@ class HuntingOrbit:
         return (self.high - self.low) / 2.0
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class UnrefinedCycle:
+    """A limit cycle that is known from the simulation only: its multipliers are not known.
+
+    Attributes:
+        simulated: what the simulation showed, with the spread of its cycles.
+        reason: why the orbit could not be computed.
+    """
+
+    simulated: LimitCycle
+    reason: str
+
+
+def refine_cycle(
+    plant: DelaySystem, point: OperatingPoint, run: LoopRun, *, wires: LoopSignals = SPEED_BY_THROTTLE, tolerance: float = 1e-6
+) -> HuntingOrbit | UnrefinedCycle:
+    """Compute the limit cycle that a run ends in as `confirm_cycle` does; where none is found, give the simulated one with the reason.
+
+    That the simulation repeats itself for many cycles shows that they attract what is near them; how fast is not known then.
+
+    Raises:
+        InvalidInputError: as for `confirm_cycle`.
+        AnalysisError: as for `confirm_cycle`: an orbit was found, and it is not the simulated one.
+    """
+    try:
+        return confirm_cycle(plant, point, run, wires=wires, tolerance=tolerance)
+    except NotConvergedError as error:
+        return UnrefinedCycle(simulated=_outcome(run), reason=str(error))
+
+
 def run_to_its_end(
     plant: DelaySystem,
     point: OperatingPoint,

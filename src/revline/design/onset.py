@@ -8,6 +8,7 @@ Source: Kuznetsov (2004), Elements of Applied Bifurcation Theory, chapter 3; Ste
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -30,11 +31,29 @@ from revline.values import make_read_only
 POINTS = 10
 """Cycles of the family that are found, at equal distances of amplitude."""
 
+FEWEST = 5
+"""With fewer of them the family is followed anew in smaller steps: its first cycles must be small enough to tell how it begins."""
+
+SMALLER = 5
+"""How many times it is."""
+
+FURTHER = 1.2
+"""A family that falls at its end is followed on, each cycle larger by this factor, until it turns."""
+
+COARSE = 1e-3
+"""Largest last harmonic, as a part of the fundamental, of a cycle that still counts: the family is followed by harmonics."""
+
+MOST_FURTHER = 20
+"""How many cycles more at most, which is 38 times the amplitude asked for."""
+
 FLAT = 1e-7
 """A change of the factor along the first cycles below this part of it says nothing of the kind of onset."""
 
 STABILITY = 1e-4
-"""Largest error of the multipliers of the family's cycles."""
+"""Largest error of the multipliers of the family's cycles; larger, and stated, where it would take too many elements."""
+
+MOST_UNKNOWNS = 1300
+"""Size of the largest linear system for each of them: a family has a dozen cycles or more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -69,6 +88,21 @@ class RayPoint:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class UnjudgedPoint:
+    """A limit cycle of the family that harmonics show, and that could not be found again on elements to judge it.
+
+    Attributes:
+        factor: of all gains.
+        fundamental: amplitude of the measurement's first harmonic.
+        reason: why it was not found again.
+    """
+
+    factor: float
+    fundamental: float
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HuntingOnset:
     """Where and how hunting begins.
 
@@ -82,6 +116,7 @@ class HuntingOnset:
         lowest_is_fold: whether the family turns there; if it does not and the onset is hard, larger cycles exist at lower factors still.
         rest: operating point at which the loop is judged: where the command leads.
         points: the family, by rising amplitude.
+        unjudged: cycles of it whose stability is not known.
         limits: of the control.
     """
 
@@ -94,6 +129,7 @@ class HuntingOnset:
     lowest_is_fold: bool
     rest: OperatingPoint
     points: tuple[RayPoint, ...]
+    unjudged: tuple[UnjudgedPoint, ...]
     limits: Limits
 
     def __post_init__(self) -> None:
@@ -102,7 +138,10 @@ class HuntingOnset:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RayTask:
-    """What is asked: the size of the command's step, and up to which amplitude of the fundamental the family is followed."""
+    """What is asked: the size of the command's step, and up to which amplitude of the fundamental the family is followed.
+
+    It is followed further where the factor still falls there, and less far where it ends, or is too steep to be followed, before.
+    """
 
     command: float
     largest: float
@@ -159,10 +198,9 @@ def find_onset(
     states = np.append(there.states, (control - point.inputs[wires.drive]) / (factor * gains.ki)) if gains.ki else there.states
     inputs = loop_inputs(plant, there, wires, command=there.measurement, factor=factor)
     onset = Onset(states=np.asarray(states), inputs=inputs, frequency=crossing.frequency)
-    axes = BranchAxes(parameter=inputs.size - 1, watched=index_of(loop.outputs, wires.measurement))
-    found = follow_cycles(loop, onset, axes, np.arange(1, POINTS + 1) / POINTS * task.largest)
+    found = _follow(loop, onset, index_of(loop.outputs, wires.measurement), task.largest)
     curvature = _curvature(factor, found)
-    points = tuple(_judge(loop, cycle, wires, limits) for cycle in found)
+    points, unjudged = _judge_all(loop, found, wires, limits)
     return HuntingOnset(
         gains=gains.scaled(kp=factor, ki=factor, kd=factor),
         factor=factor,
@@ -173,8 +211,39 @@ def find_onset(
         lowest_is_fold=_turns(found) and _lowest(found) < factor,
         rest=there,
         points=points,
+        unjudged=unjudged,
         limits=limits,
     )
+
+
+def _follow(loop: DelaySystem, onset: Onset, watched: int, largest: float) -> tuple[BranchPoint, ...]:
+    """Follow the family to an amplitude, or as far as it goes; beyond it where the factor still falls, until it turns."""
+    axes, first = BranchAxes(parameter=onset.inputs.size - 1, watched=watched), np.arange(1, POINTS + 1) / POINTS
+    further = FURTHER ** np.arange(1, MOST_FURTHER + 1)
+
+    def enough(found: Sequence[BranchPoint]) -> bool:
+        if found[-1].cycle.error > COARSE:
+            return True
+        if len(found) < POINTS:
+            return False
+        fallen = found[-1].parameter < onset.inputs[-1] and found[-1].parameter <= min(point.parameter for point in found)
+        return not fallen
+
+    found = tuple[BranchPoint, ...]()
+    for attempt in range(SMALLER + 1):
+        try:
+            followed = follow_cycles(loop, onset, axes, largest * np.append(first, further), enough=enough)
+            found = tuple(point for point in followed if point.cycle.error <= COARSE)
+        except NotConvergedError:
+            if attempt == SMALLER:
+                raise
+        if len(found) >= FEWEST and (attempt == SMALLER or _agree(float(onset.inputs[-1]), found)):
+            break
+        largest *= min(len(found) + 1, FEWEST) / POINTS
+    if not found:
+        message = f"no cycle near the onset at {onset.frequency:g} rad/s is smooth enough to be followed by its harmonics; simulate"
+        raise NotConvergedError(message)
+    return found
 
 
 def _where_it_rests(plant: DelaySystem, point: OperatingPoint, command: float, wires: LoopSignals) -> Trim:
@@ -201,9 +270,26 @@ def _boundary(plant: DelaySystem, rest: Trim, gains: PidGains, wires: LoopSignal
     return min(ends, key=lambda c: abs(math.log(c.gain_margin)))
 
 
+def _agree(factor: float, found: tuple[BranchPoint, ...]) -> bool:
+    """Whether the first two cycles tell the same kind of onset, extrapolated to nothing: those that touch a limit do not."""
+    first, second = _slopes(factor, found)[:2]
+    return _extrapolated(found, first, second) * first > 0.0
+
+
+def _slopes(factor: float, found: tuple[BranchPoint, ...]) -> list[float]:
+    """Change of the factor per square of the amplitude, of the first two cycles."""
+    return [(point.parameter - factor) / point.amplitude**2 for point in found[:2]]
+
+
+def _extrapolated(found: tuple[BranchPoint, ...], first: float, second: float) -> float:
+    """That change as the amplitude vanishes."""
+    ratio = (found[1].amplitude / found[0].amplitude) ** 2
+    return (ratio * first - second) / (ratio - 1.0)
+
+
 def _curvature(factor: float, found: tuple[BranchPoint, ...]) -> float:
     """Change of the factor per square of the amplitude as that vanishes, extrapolated from the first two cycles."""
-    slopes = [(point.parameter - factor) / point.amplitude**2 for point in found[:2]]
+    slopes = _slopes(factor, found)
     if abs(found[0].parameter / factor - 1.0) < FLAT:
         message = (
             f"the gains hardly change along the first cycles (by {found[0].parameter / factor - 1.0:.2g} of themselves): whether hunting "
@@ -212,8 +298,7 @@ def _curvature(factor: float, found: tuple[BranchPoint, ...]) -> float:
         raise NotConvergedError(message)
     if len(slopes) == 1:
         return slopes[0]
-    ratio = (found[1].amplitude / found[0].amplitude) ** 2
-    value = (ratio * slopes[0] - slopes[1]) / (ratio - 1.0)
+    value = _extrapolated(found, slopes[0], slopes[1])
     if value * slopes[0] <= 0.0:
         message = f"the first cycles tell no kind of onset: the gains change by {slopes[0]:.3g} and {slopes[1]:.3g} per square of amplitude"
         raise NotConvergedError(message)
@@ -236,8 +321,21 @@ def _turns(found: tuple[BranchPoint, ...]) -> bool:
     return 0 < int(np.argmin(factors)) < len(factors) - 1
 
 
+def _judge_all(
+    loop: DelaySystem, found: tuple[BranchPoint, ...], wires: LoopSignals, limits: Limits
+) -> tuple[tuple[RayPoint, ...], tuple[UnjudgedPoint, ...]]:
+    """Find the stability of each cycle; one that cannot be resolved does not hide the others."""
+    points, unjudged = list[RayPoint](), list[UnjudgedPoint]()
+    for cycle in found:
+        try:
+            points.append(_judge(loop, cycle, wires, limits))
+        except NotConvergedError as error:
+            unjudged.append(UnjudgedPoint(factor=cycle.parameter, fundamental=cycle.amplitude, reason=str(error)))
+    return tuple(points), tuple(unjudged)
+
+
 def _judge(loop: DelaySystem, point: BranchPoint, wires: LoopSignals, limits: Limits) -> RayPoint:
-    cycle = find_kinked_cycle(loop, point.cycle.orbit.inputs[0], point.cycle.as_guess(), tolerance=STABILITY)
+    cycle = find_kinked_cycle(loop, point.cycle.orbit.inputs[0], point.cycle.as_guess(), tolerance=STABILITY, most_unknowns=MOST_UNKNOWNS)
     low, high = cycle.extremes(index_of(loop.outputs, wires.measurement))
     return RayPoint(
         factor=point.parameter,

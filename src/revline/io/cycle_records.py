@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from revline.design.closed_loop import LoopRun
-from revline.design.hunting import HuntingOrbit
+from revline.design.hunting import HuntingOrbit, UnrefinedCycle
 from revline.design.onset import HuntingOnset
 from revline.io.loop_records import loop_record
 
@@ -56,6 +56,28 @@ def orbit_record(orbit: HuntingOrbit) -> Mapping[str, object]:
     }
 
 
+def unrefined_record(cycle: UnrefinedCycle) -> Mapping[str, object]:
+    """Give a limit cycle that only the simulation shows as a record, with the spread of its cycles.
+
+    Args:
+        cycle: the cycle.
+    """
+    seen = cycle.simulated
+    return {
+        "simulated_only": {
+            "low_rad_s": seen.low,
+            "high_rad_s": seen.high,
+            "amplitude_rad_s": seen.amplitude,
+            "period_s": seen.period,
+            "low_spread_rad_s": seen.low_spread,
+            "high_spread_rad_s": seen.high_spread,
+            "period_spread_s": seen.period_spread,
+            "cycles": seen.cycles,
+            "reason": cycle.reason,
+        }
+    }
+
+
 def onset_record(onset: HuntingOnset) -> Mapping[str, object]:
     """Give the onset of hunting as a record.
 
@@ -89,6 +111,9 @@ def onset_record(onset: HuntingOnset) -> Mapping[str, object]:
                 }
                 for point in onset.points
             ],
+            "branch_not_judged": [
+                {"factor": point.factor, "fundamental_rad_s": point.fundamental, "reason": point.reason} for point in onset.unjudged
+            ],
         }
     }
 
@@ -109,6 +134,19 @@ def describe_orbit(orbit: HuntingOrbit) -> list[tuple[str, float | str, str]]:
         ("largest multiplier", f"{cycle.largest:.4g} +- {cycle.multiplier_error:.1g}", "per period"),
         ("estimated error", f"{cycle.error:.1g}", "of swing and period"),
         ("residual", f"{orbit.residual:.1g}", "of the largest rate"),
+    ]
+
+
+def describe_unrefined(cycle: UnrefinedCycle) -> list[tuple[str, float | str, str]]:
+    """Give a limit cycle that only the simulation shows as rows of name, value and unit, for people."""
+    seen = cycle.simulated
+    return [
+        ("speed, simulated", f"{seen.low:.5g} to {seen.high:.5g}", "rad/s"),
+        ("amplitude, simulated", f"{seen.amplitude:.5g}", "rad/s"),
+        ("period, simulated", f"{seen.period:.5g}", "s"),
+        ("spread of lows, highs", f"{seen.low_spread:.1g}, {seen.high_spread:.1g}", "rad/s"),
+        ("spread of periods", f"{seen.period_spread:.1g}", "s"),
+        ("cycles judged", f"{seen.cycles}", ""),
     ]
 
 

@@ -205,7 +205,8 @@ def describe_slice(entry: GainSlice) -> list[tuple[str, float | str, str]]:
         top = int(region.ki[region.rim].argmax())
         kp, ki, omega = (float(array[region.rim][top]) for array in (region.kp, region.ki, region.omega))
         rows.append(("largest ki", ki, f"{unit}/s, at kp = {kp:.4g}, oscillating at {omega:.4g} rad/s"))
-    rows.append(("within the window", "all of them" if region.bounded else "not all: they go on beyond it", ""))
+    if region.area.value > 0.0:
+        rows.append(("within the window", "all of them" if region.bounded else "not all: they go on beyond it", ""))
     rows.append(("area in the window", region.area.value, f"({unit})2/s"))
     rows.append(("points of the boundary", f"{int(region.rim.sum())}", ""))
     beyond = "" if region.bounded else ", in the window"
