@@ -1,7 +1,7 @@
 """A rational model whose transport delay is an angle over the speed that it itself predicts: a delay that varies with the state.
 
 The fast part of the model stands before the delay and its slowest pole after it, as torque is made before an engine's delay and moves
-its inertia after it. Source: Lee (1995), chapter 6, which recommends a delay that varies with speed.
+its inertia after it. Source: Lee (1995), who recommends a delay that varies with speed.
 """
 
 import math

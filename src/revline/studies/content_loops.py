@@ -9,6 +9,7 @@ from revline.report.blocks import Align, Callout, CalloutKind, Column, Paragraph
 from revline.report.document import Section
 from revline.report.inline import Text, marked
 from revline.studies.content_models import CONTROLLER_NAMES
+from revline.studies.delay_models import delay_blocks
 from revline.studies.material import Material, figures
 from revline.studies.results import ErrorRecord, LoopRow, title
 from revline.studies.study_results import StudyResults
@@ -146,6 +147,7 @@ def errors_section(material: Material) -> Section:
                 notes=("Sinusoids are judged once settled; half of the range leaves out that the engine's mean speed has moved.",),
             ),
             *figures(material, "6.2", "6.3", ("6.4", "6.5")),
+            *delay_blocks(material.results.delay_models, errors),
         ),
     )
 

@@ -7,6 +7,7 @@ from revline.report.blocks import Align, Callout, CalloutKind, Column, Paragraph
 from revline.report.document import Section
 from revline.report.inline import Text, marked
 from revline.report.numbers import format_decimals, format_number
+from revline.studies.content_distance import distance_blocks
 from revline.studies.material import Material, figures
 from revline.studies.results import title
 from revline.studies.stability_results import AT_START, AT_TARGET, RegionRow, StabilityResult
@@ -40,6 +41,7 @@ def stability_section(material: Material) -> Section:
             ),
             *figures(material, "7.1", "7.2", "7.3"),
             Callout(kind=CalloutKind.FINDING, title=typographic(" ".join(regions_in_words(material.results)))),
+            *distance_blocks(material),
         ),
     )
 

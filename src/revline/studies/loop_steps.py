@@ -127,7 +127,7 @@ def _compare(
     for name in ERROR_MODELS:
         model = models.fit(name).fit.model
         answers.append(
-            config.amplitude_deg * (_sine_answer(model, frequency, run.times) if frequency else _step_answer(model, run.times - start))
+            config.amplitude_deg * (sine_answer(model, frequency, run.times) if frequency else step_answer(model, run.times - start))
         )
     return ErrorRecord(
         kind="sine" if frequency else "step",
@@ -141,14 +141,15 @@ def _compare(
     )
 
 
-def _step_answer(model: TransferFunction, times: Floats) -> Floats:
+def step_answer(model: TransferFunction, times: Floats) -> Floats:
+    """Exact answer to a unit step at time 0."""
     after = times >= 0.0
     answer = np.zeros_like(times)
     answer[after] = model.step_response(times[after])
     return answer
 
 
-def _sine_answer(model: TransferFunction, frequency: float, times: Floats) -> Floats:
+def sine_answer(model: TransferFunction, frequency: float, times: Floats) -> Floats:
     """Exact answer to sin(wt) from rest: the impulse response of the model behind w/(s^2 + w^2)."""
     source = TransferFunction(
         numerator=(frequency,), denominator=(frequency**2, 0.0, 1.0), input_unit=model.input_unit, output_unit=model.input_unit

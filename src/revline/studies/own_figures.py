@@ -5,6 +5,7 @@ from types import MappingProxyType
 
 from revline.analysis.linear_range import HoldsUpTo
 from revline.studies.hunting_results import OnsetRow
+from revline.studies.model_distance import FIGURE as DISTANCE_FIGURE
 from revline.studies.results import title
 from revline.studies.stability_results import RegionRow
 from revline.studies.study_results import StudyResults
@@ -31,6 +32,7 @@ OWN_ROWS = (
     ),
     _row(ORBIT_FIGURE, f"Limit cycle of {title(HUNTER)} on the engine", "engine speed (rad/s)", "throttle (deg)"),
     _row(ONSET_FIGURE, f"How hunting begins as the gains of {title(HUNTER)} rise", "factor of all gains", "amplitude (rad/s)"),
+    _row(DISTANCE_FIGURE, "How far models are from the engine, as feedback sees it", "frequency (rad/s)", "chord (1)"),
     _row(RANGE_FIGURE, "Error of the exact linear model over amplitude", "frequency (rad/s)", "throttle amplitude (deg)"),
 )
 """As rows of the thesis's list of figures."""
@@ -40,6 +42,8 @@ def is_drawn(figure: str, results: StudyResults) -> bool:
     """Whether there is anything to draw: a controller that does not hunt has no limit cycle."""
     if figure == ORBIT_FIGURE:
         return results.hunting.cycle(HUNTER) is not None
+    if figure == DISTANCE_FIGURE:
+        return bool(results.distance.drawn())
     return bool(results.hunting.onsets) if figure == ONSET_FIGURE else True
 
 
@@ -95,6 +99,13 @@ def onset_words(row: OnsetRow) -> str:
     return f"{start}limit cycles are found down to {row.lowest_factor:.3f}: the onset is hard."
 
 
+def _distance(results: StudyResults) -> str:
+    parts = [
+        f"{name}: ν-gap {verdict.gap.value:.3g}, margin on the model {verdict.margin:.3g}" for name, verdict in results.distance.drawn()
+    ]
+    return f"{'; '.join(parts)}. Shaded: where the model says nothing about the loop on the engine."
+
+
 def range_words(results: StudyResults) -> str:
     """Up to which amplitude the exact linear model holds."""
     found = results.linear_range
@@ -118,6 +129,7 @@ OWN_CAPTIONS: Mapping[str, Caption] = MappingProxyType(
         ORBIT_FIGURE: _orbit,
         ONSET_FIGURE: _onset,
         RANGE_FIGURE: range_words,
+        DISTANCE_FIGURE: _distance,
     }
 )
 """By their number."""

@@ -20,9 +20,11 @@ from revline.io.linear_range_records import linear_range_record
 from revline.lti.response import FrequencyResponse
 from revline.studies.checks import Check
 from revline.studies.config import StudyConfig
+from revline.studies.delay_models import delay_fields
 from revline.studies.hunting_record import hunting_record
+from revline.studies.model_distance import distance_fields
 from revline.studies.parts import Parts
-from revline.studies.results import ControllersResult, ErrorsResult, LoopRow, ModelsResult, PointResult, RangeResult
+from revline.studies.results import ControllersResult, ErrorRecord, LoopRow, ModelsResult, PointResult, RangeResult
 from revline.studies.routes import balance_rows, routes_fields
 from revline.studies.stability_record import stability_record
 from revline.studies.study_results import StudyResults
@@ -230,10 +232,10 @@ def outcome_fields(run: LoopRun) -> Record:
     return fields
 
 
-def error_records(errors: ErrorsResult) -> list[Record]:
-    """Time-domain errors of the linear models."""
+def error_records(records: Iterable[ErrorRecord]) -> list[Record]:
+    """Time-domain errors of the models."""
     rows: list[Record] = []
-    for record in errors.records:
+    for record in records:
         for model in record.models:
             row: Record = {"input": record.kind, "model": model}
             if record.kind == "sine":
@@ -275,10 +277,15 @@ PARTS: Mapping[str, Callable[[StudyConfig, Mapping[str, Any]], Record]] = Mappin
         "table_models": lambda _, found: {"models_from_table": models_record(found["table_models"][0])} if found["table_models"] else {},
         "controllers": lambda _, found: controller_records(found["controllers"]),
         "loops": lambda _, found: {"closed_loops": [loop_record(row) for row in found["loops"].rows]},
+        "distance": lambda _, found: {"model_distances": distance_fields(found["distance"])},
         "hunting": lambda _, found: {"hunting": hunting_record(found["hunting"])},
         "linear_range": lambda _, found: {"linear_range": dict(linear_range_record(found["linear_range"]))},
         "stability": lambda _, found: stability_record(found["stability"]),
-        "errors": lambda _, found: {"model_errors": error_records(found["errors"])},
+        "errors": lambda _, found: {"model_errors": error_records(found["errors"].records)},
+        "delay_models": lambda _, found: {
+            "model_errors": error_records((*found["errors"].records, *found["delay_models"].records)),
+            "delay_models": delay_fields(found["delay_models"]),
+        },
         "guidelines": lambda _, found: {"guidelines": list(found["guidelines"])},
     }
 )

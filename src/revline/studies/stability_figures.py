@@ -15,6 +15,8 @@ from revline.report.notes import Note
 from revline.report.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILION, Look, Quantity
 from revline.studies.figure_call import FigureCall, to_draw
 from revline.studies.hunting_results import CycleRow
+from revline.studies.model_distance import FIGURE as DISTANCE_FIGURE
+from revline.studies.model_distance import distance_figure
 from revline.studies.own_figures import HUNTER, ONSET_FIGURE, ORBIT_FIGURE, RANGE_FIGURE, REGION_FIGURES
 from revline.studies.results import title
 from revline.studies.stability_results import AT_START, AT_TARGET, RegionRow
@@ -61,6 +63,8 @@ def hunting_figures(results: StudyResults) -> dict[str, FigureCall]:
         columns = ([float(getattr(p, name)) for p in onset.points] for name in ("factor", "amplitude", "stable"))
         plane = Plane(Quantity("factor of all gains", "1"), Quantity("amplitude of the speed", "rad/s"))
         calls[ONSET_FIGURE] = to_draw(plot_branch, *map(np.array, columns), plane, onset=onset.factor, simulated=_at_its_own_gains(row))
+    if results.distance.drawn():
+        calls[DISTANCE_FIGURE] = distance_figure(results.distance)
     grid = results.linear_range.grid
     errors = ErrorMap(grid.omega, grid.amplitudes, grid.linear_error, grid.found)
     calls[RANGE_FIGURE] = to_draw(plot_linear_error, errors, Quantity("throttle amplitude", "deg"))

@@ -12,8 +12,10 @@ from revline.errors import AnalysisError, InvalidInputError, PartialResultError
 from revline.studies import loop_steps, routes, steps
 from revline.studies.chain import Chain, Report
 from revline.studies.config import StudyConfig
+from revline.studies.delay_models import find_delay_models
 from revline.studies.guidelines import write_guidelines
 from revline.studies.hunting_steps import find_hunting
+from revline.studies.model_distance import find_distances
 from revline.studies.parts import Parts
 from revline.studies.stability_steps import find_stability
 from revline.studies.study_results import StudyResults
@@ -96,11 +98,18 @@ STEPS = (
         0.02,
     ),
     StudyStep(
+        "model-distance",
+        "distance",
+        ("point", "models", "controllers", "stability"),
+        lambda task, *found: find_distances(task.engine, *found),
+        0.02,
+    ),
+    StudyStep(
         "hunting",
         "hunting",
         ("point", "controllers", "loops"),
         lambda task, *found: find_hunting(task.engine, *found),
-        0.06,
+        0.04,
     ),
     StudyStep(
         "linear-range",
@@ -114,6 +123,13 @@ STEPS = (
         "errors",
         ("point", "models"),
         lambda task, point, models: loop_steps.find_errors(task.engine, point, models, task.config),
+        0.01,
+    ),
+    StudyStep(
+        "delay-models",
+        "delay_models",
+        ("point", "models", "errors"),
+        lambda task, point, models, errors: find_delay_models(point, models, errors, task.config.amplitude_deg),
         0.01,
     ),
 )

@@ -6,7 +6,9 @@ from revline.analysis.linear_range import LinearRanges
 from revline.analysis.linearity import LinearityVerdict
 from revline.analysis.sinestream import Sinestream
 from revline.analysis.spectrum import SpectralCheck
+from revline.studies.delay_models import DelayModels
 from revline.studies.hunting_results import HuntingResult
+from revline.studies.model_distance import DistanceResult
 from revline.studies.results import (
     ControllersResult,
     ErrorsResult,
@@ -38,7 +40,9 @@ class StudyResults:
     controllers: ControllersResult
     loops: LoopsResult
     stability: StabilityResult
+    distance: DistanceResult
     hunting: HuntingResult
     linear_range: LinearRanges
     errors: ErrorsResult
+    delay_models: DelayModels
     guidelines: tuple[str, ...] = ()

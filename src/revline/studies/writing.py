@@ -208,6 +208,7 @@ def find_warnings(config: StudyConfig, results: StudyResults) -> Iterator[str]:
     yield from (str(left) for left in trim.left_out)
     yield from results.response.notes
     yield from route_warnings(results.routes)
+    yield from results.delay_models.missing
     yield from (f"{row.controller}: {row.reason}" for row in (*results.hunting.without_cycle, *results.hunting.without_onset))
     if isinstance(results.range.widest, NoRange):
         yield f"no range chosen automatically: {results.range.widest.reason}"
