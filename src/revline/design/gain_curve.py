@@ -250,8 +250,7 @@ def _grid(family: LoopFamily, low: float, high: float) -> tuple[Floats, Complexe
         if grid.size > MOST_POINTS:
             where = float(grid[1:][coarse][0])
             message = (
-                f"1/P of {family.name} turns too fast near {where:g} rad/s to be followed with {MOST_POINTS} points; "
-                "look at smaller gains"
+                f"1/P of {family.name} turns too fast near {where:g} rad/s to be followed with {MOST_POINTS} points; look at smaller gains"
             )
             raise NotConvergedError(message, frequency=where)
         parts = np.where(np.isfinite(pieces), np.clip(pieces, 1.0, 8.0), 8.0).astype(int)
