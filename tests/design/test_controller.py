@@ -1,5 +1,6 @@
 import math
-from dataclasses import FrozenInstanceError, replace
+import pickle
+from dataclasses import FrozenInstanceError, fields, replace
 from typing import Any
 
 import numpy as np
@@ -78,3 +79,13 @@ def test_gains_cannot_change() -> None:
 def test_equal_gains_have_equal_fingerprints() -> None:
     assert fingerprint(C2D) == fingerprint(replace(C2D, kp=1.2))
     assert fingerprint(C2D) != fingerprint(replace(C2D, kp=1.2000001))
+
+
+def test_gains_go_to_another_process_and_come_back() -> None:
+    gains = PidGains(
+        kp=1.2, ki=2.0, kd=0.1, input_unit="rad/s", output_unit="deg", rule="test", designed_on="g2d", details={"phase_margin_deg": 60.0}
+    )
+    back = pickle.loads(pickle.dumps(gains))  # noqa: S301 - what was pickled a moment ago
+    assert [getattr(back, entry.name) for entry in fields(back)] == [getattr(gains, entry.name) for entry in fields(gains)]
+    with pytest.raises(TypeError, match="does not support item assignment"):
+        back.details["phase_margin_deg"] = 0.0

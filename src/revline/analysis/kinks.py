@@ -16,11 +16,8 @@ from revline.system import DelaySystem, Floats
 LOOKS = 12
 """Places in each element at which it is looked whether the equations have switched."""
 
-MOST_LOOKS = 100
-"""Evaluations of a root between ends at most; halving alone needs 50."""
-
-NARROW = 2e-16
-"""Half of the distance of ends that count as one place, in parts of the period."""
+BISECTIONS = 40
+"""Halvings that bring a place to rounding."""
 
 REFINEMENTS = 8
 """How many times the neighbourhood of an extreme is narrowed, eightfold each time."""
@@ -100,39 +97,17 @@ def _looks(pieces: Pieces) -> Floats:
 
 
 def _crossings(function: Callable[[Floats], Floats], looks: Floats, levels: Floats) -> Floats:
-    """Where columns of a function of time pass levels."""
-    values = function(looks)[:, :, None] - levels
-    above = values > 0.0
+    """Where columns of a function of time pass levels, by bisection."""
+    above = function(looks)[:, :, None] > levels
     at, column, which = np.nonzero(above[1:] != above[:-1])
     if not at.size:
         return np.empty(0)
-    ends = (looks[at], looks[at + 1]), (values[at, column, which], values[at + 1, column, which])
-    return _bracketed(lambda times: function(times)[np.arange(at.size), column] - levels[which], *ends)
-
-
-def _bracketed(function: Callable[[Floats], Floats], ends: tuple[Floats, Floats], values: tuple[Floats, Floats]) -> Floats:
-    """Roots between ends at which a function has different signs, each by inverse quadratic interpolation where that is safe.
-
-    Source: Chandrupatla (1997), Advances in Engineering Software 28(3), 145-149.
-    """
-    (b, a), (fb, fa) = ends, values  # the root lies between a and b; a is the newest place
-    share = np.full(a.shape, 0.5)
-    for _ in range(MOST_LOOKS):
-        place = a + share * (b - a)
-        value = function(place)
-        same = (value > 0.0) == (fa > 0.0)
-        c, fc = np.where(same, a, b), np.where(same, fa, fb)
-        b, fb = np.where(same, b, a), np.where(same, fb, fa)
-        a, fa = place, value
-        near = np.minimum(NARROW / np.maximum(np.abs(b - a), 1e-300), 0.5)
-        if np.all((near >= 0.5) | (fa == 0.0)):
-            break
-        with np.errstate(divide="ignore", invalid="ignore"):
-            xi, phi = (a - b) / (c - b), (fa - fb) / (fc - fb)
-            inner = fa / (fb - fa) * fc / (fb - fc) + (c - a) / (b - a) * fa / (fc - fa) * fb / (fc - fb)
-            safe = (phi**2 < xi) & ((1.0 - phi) ** 2 < 1.0 - xi) & np.isfinite(inner)
-        share = np.clip(np.where(safe, inner, 0.5), near, 1.0 - near)
-    found: Floats = np.where(np.abs(fa) <= np.abs(fb), a, b)
+    low, high, side, level = looks[at].copy(), looks[at + 1].copy(), above[at, column, which], levels[which]
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        same = (function(middle)[np.arange(at.size), column] > level) == side
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    found: Floats = 0.5 * (low + high)
     return found
 
 

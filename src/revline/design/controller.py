@@ -5,8 +5,9 @@ the integral starts at zero, and there is no derivative filter.
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import partial
 from types import MappingProxyType
 from typing import ClassVar, Final
 
@@ -64,6 +65,11 @@ class PidGains:
                 raise InvalidInputError(message, field=name)
             object.__setattr__(self, name, float(value))
         object.__setattr__(self, "details", MappingProxyType(dict(self.details)))
+
+    def __reduce__(self) -> tuple[Callable[[], "PidGains"], tuple[()]]:
+        """Give what makes the gains again in another process: a locked mapping cannot be sent."""
+        values = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        return partial(PidGains, **values | {"details": dict(self.details)}), ()
 
     @property
     def gain_units(self) -> Mapping[str, str]:

@@ -18,7 +18,7 @@ def distance_blocks(material: Material) -> Iterator[Block]:
         return
     yield Paragraph(
         marked(
-            "How far is a model from the engine, as feedback sees it? The ν-gap says it in one number from 0 to 1, with the controller as "
+            "How far is a model from the engine, as feedback sees it? The nu-gap says it in one number from 0 to 1, with the controller as "
             "weight and every delay exact. Below the margin of the loop on the model, the controller is sure to stabilise the engine's "
             f"exact linear model too; above it the model says nothing. {typographic(distance_words(found))}"
         )
@@ -27,7 +27,7 @@ def distance_blocks(material: Material) -> Iterator[Block]:
         Column(heading="Controller"),
         Column(heading="Model"),
         Column(heading="Beside"),
-        Column(heading="ν-gap", unit="1", align=Align.RIGHT),
+        Column(heading="nu-gap", unit="1", align=Align.RIGHT),
         Column(heading="Margin on the model", unit="1", align=Align.RIGHT),
         Column(heading="Sure"),
         Column(heading="Stable there"),

@@ -101,7 +101,7 @@ def onset_words(row: OnsetRow) -> str:
 
 def _distance(results: StudyResults) -> str:
     parts = [
-        f"{name}: ν-gap {verdict.gap.value:.3g}, margin on the model {verdict.margin:.3g}" for name, verdict in results.distance.drawn()
+        f"{name}: nu-gap {verdict.gap.value:.3g}, margin on the model {verdict.margin:.3g}" for name, verdict in results.distance.drawn()
     ]
     return f"{'; '.join(parts)}. Shaded: where the model says nothing about the loop on the engine."
 
