@@ -14,6 +14,19 @@ if TYPE_CHECKING:
     from revline.design.controller import PidGains
     from revline.design.open_loop import OpenLoop
 
+UnstablePolesOption = Annotated[
+    int | None, typer.Option("--unstable-poles", metavar="N", help="Of a sampled plant: its poles right of the axis; else 0.")
+]
+DelayOption = Annotated[
+    float | None, typer.Option("--delay", metavar="S", help="Of a sampled plant: delay [s] known to be in it; else the file's.")
+]
+ColumnsOption = Annotated[
+    str | None, typer.Option("--columns", metavar="QUANTITY=COLUMN,..", help="Of a response: which column is what, as for fit.")
+]
+AmplitudeOption = Annotated[
+    float | None, typer.Option("--amplitude", metavar="DEG", help="Of a response: amplitude of the input [deg], as for fit.")
+]
+
 
 def margins(
     *,
@@ -29,18 +42,10 @@ def margins(
     ] = None,
     load: LoadOption = 0.0,
     engine: EngineOption = DEFAULT_ENGINE,
-    unstable_poles: Annotated[
-        int | None, typer.Option("--unstable-poles", metavar="N", help="Of a sampled plant: its poles right of the axis; else 0.")
-    ] = None,
-    delay: Annotated[
-        float | None, typer.Option("--delay", metavar="S", help="Of a sampled plant: delay [s] known to be in it; else the file's.")
-    ] = None,
-    columns: Annotated[
-        str | None, typer.Option("--columns", metavar="QUANTITY=COLUMN,..", help="Of a response: which column is what, as for fit.")
-    ] = None,
-    amplitude: Annotated[
-        float | None, typer.Option("--amplitude", metavar="DEG", help="Of a response: amplitude of the input [deg], as for fit.")
-    ] = None,
+    unstable_poles: UnstablePolesOption = None,
+    delay: DelayOption = None,
+    columns: ColumnsOption = None,
+    amplitude: AmplitudeOption = None,
     out: OutOption = None,
     json: JsonOption = False,
     quiet: QuietOption = False,
