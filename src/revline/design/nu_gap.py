@@ -153,8 +153,8 @@ def find_nu_gap(first: ComparedPlant, second: ComparedPlant, *, weight: Weight |
         >>> from revline.design.compared_plant import plant_of_model
         >>> from revline.lti.transfer_function import TransferFunction
         >>> one, two = (plant_of_model(TransferFunction(numerator=(k,), denominator=(1.0, 1.0))) for k in (1.0, 2.0))
-        >>> round(find_nu_gap(one, two).value, 9)  # at rest: 1/sqrt(2 * 5)
-        0.316227766
+        >>> round(find_nu_gap(one, two).value, 9)  # where |s + 1|^2 = 2, at 1 rad/s
+        0.333333333
     """
     return _gap(make_pair(first, second, weight or constant_weight(1.0), None))[0]
 

@@ -235,7 +235,7 @@ def _follow(loop: DelaySystem, onset: Onset, watched: int, largest: float) -> tu
             followed = follow_cycles(loop, onset, axes, largest * np.append(first, further), enough=enough)
             found = tuple(point for point in followed if point.cycle.error <= COARSE)
         except NotConvergedError:
-            if attempt == SMALLER:
+            if attempt == SMALLER and not found:
                 raise
         if len(found) >= FEWEST and (attempt == SMALLER or _agree(float(onset.inputs[-1]), found)):
             break
