@@ -168,7 +168,7 @@ def test_a_step_that_fails_keeps_no_other_from_being_computed(
     monkeypatch.setattr(steps, "fit_models", fail)
     with pytest.raises(
         PartialResultError,
-        match=r"models: no model fits; .*begun for want of that: controllers, closed-loops, stability, model-distance, hunting, model-errors",
+        match=r"models: no model fits; .*begun for want of that: controllers, closed-loops, stability, model-distance, hunting, model-err",
     ):
         writing.run_study(config, tmp_path)
     partial = json.loads((tmp_path / "results.json").read_text())
