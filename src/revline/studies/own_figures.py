@@ -55,7 +55,7 @@ def _region(controller: str) -> Caption:
         endless = [plant_name(row.plant) for row in rows if not row.bounded and not row.is_empty]
         none = [plant_name(row.plant) for row in rows if row.is_empty]
         if endless:
-            text += f" No end was found to the right for {listed(endless)}."
+            text += f" Gains that stabilise {listed(endless)} go on beyond what is drawn."
         if none:
             text += f" Nothing stabilises {listed(none)}."
         return f"{text}{_peaks(rows)}"
