@@ -1,7 +1,10 @@
 import json
+import math
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from .conftest import Command
 
@@ -83,3 +86,45 @@ def test_what_is_refused(revline: Command, c2d: Path, extra: tuple[object, ...],
 def test_a_model_takes_no_trim_and_no_third_file(revline: Command, g1: Path, c1: Path) -> None:
     assert "leave them out" in revline("margins", g1, c1, "--throttle", 25).err
     assert "3 files were given" in revline("margins", g1, g1, c1).err
+
+
+@pytest.fixture
+def proportional(tmp_path: Path) -> Path:
+    path = tmp_path / "p.json"
+    path.write_text('{"kp": 1.0, "ki": 0.0, "kd": 0.0}')
+    return path
+
+
+@pytest.mark.reference
+def test_a_table_of_the_response_stands_for_the_plant(revline: Command, table: Path, proportional: Path) -> None:
+    """Table 4.1 gives 2.2135 under proportional control; its samples prove no stability, and the output claims none."""
+    done = revline("margins", table, proportional)
+    assert done.status == 0
+    assert done.out.splitlines()[0].strip() == "table_4_1 under by hand: sampled"
+    record = json.loads(revline("margins", table, proportional, "--json").out)
+    assert record["sampled"] is True
+    assert record["samples"] == 42
+    assert record["gain_margin"] == pytest.approx(2.2135, abs=5e-4)
+    assert "stable" not in record
+
+
+@pytest.mark.parametrize("delay", [0.25, 0.5])
+def test_a_sampled_lag_with_dead_time_has_its_closed_form(revline: Command, proportional: Path, tmp_path: Path, delay: float) -> None:
+    """exp(-s T) / (s + 1): the phase crosses -180 deg where w T + atan w = pi, and the gain may rise by (1 + w^2)^0.5 there."""
+    omega = brentq(lambda w: w * delay + math.atan(w) - math.pi, 0.1, 20.0)
+    rows = [(w, 1.0 / math.hypot(1.0, w), -math.degrees(math.atan(w) + w * delay)) for w in np.geomspace(0.01, 20.0, 80)]
+    path = tmp_path / "lag.csv"
+    path.write_text("frequency_rad_s,magnitude,phase_deg\n" + "".join(f"{w!r},{m!r},{p!r}\n" for w, m, p in np.array(rows).tolist()))
+    record = json.loads(revline("margins", path, proportional, "--json").out)
+    assert record["gain_margin"] == pytest.approx(math.hypot(1.0, omega), rel=1e-3)
+
+
+def test_a_table_takes_no_trim_and_no_number(revline: Command, table: Path, proportional: Path, tmp_path: Path) -> None:
+    done = revline("margins", table, proportional, "--throttle", 25)
+    assert (done.status, done.out) == (2, "")
+    assert "leave them out" in done.err
+    broken = tmp_path / "broken.csv"
+    broken.write_text("frequency_rad_s,magnitude,phase_deg\n1,nan,-3\n")
+    done = revline("margins", broken, proportional)
+    assert (done.status, done.out) == (2, "")
+    assert "'nan' is no finite number" in done.err

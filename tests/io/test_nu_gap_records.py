@@ -29,7 +29,7 @@ def test_each_case_has_its_own_words(verdict: Guarantee) -> None:
     assert "but at each frequency the chord is below the loop's own: it is sure to stabilise two" in summarise(wide, "c")
     far = replace(wide, reserve=-0.1, other_margin=0.0, unstable_poles=(0.0, math.inf))
     assert summarise(far, "c").endswith(
-        "one says nothing about this loop on two; by its own count the loop there is unstable, with poles without number"
+        "one says nothing about this loop on two; by its own count the loop there is unstable, with infinitely many poles right of the axis"
     )
     near = replace(verdict, reserve=-0.1, gap=replace(verdict.gap, value=0.0, beyond=0.99))
     assert "that what lies beyond" in summarise(near, "c")

@@ -5,9 +5,11 @@ import pytest
 
 from revline.design.closed_loop import LoopRun, LoopTask, run_linear_loop
 from revline.design.controller import PidGains
+from revline.design.outcome import Settled
 from revline.lti.transfer_function import TransferFunction
 from revline.studies.guidelines import _foresees
 from revline.studies.steps import fit_models
+from revline.studies.words import ending
 
 LAG = TransferFunction(numerator=(12.0,), denominator=(1.0, 0.55, 0.034), delay=0.02, input_unit="deg", output_unit="rad/s")
 
@@ -25,6 +27,16 @@ def test_a_model_foresees_an_ending_only_with_its_overshoot() -> None:
     assert not _foresees(whole, reduced)
     assert not _foresees(whole, unstable)
     assert _foresees(unstable, unstable)
+
+
+def test_a_loop_that_rests_off_its_target_is_not_foreseen_by_one_that_meets_it() -> None:
+    """As where a limit of the throttle holds the engine short of what is commanded, without overshoot."""
+    whole = loop(1.2)
+    assert isinstance(whole.outcome, Settled)
+    short = replace(whole, outcome=replace(whole.outcome, steady_error=0.1 * whole.command))
+    assert not _foresees(whole, short)
+    assert _foresees(short, short)
+    assert (ending(whole), ending(short)) == ("settles", "settles off target")
 
 
 def test_a_response_that_no_model_fits_well_does_not_end_the_study() -> None:

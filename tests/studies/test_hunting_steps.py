@@ -11,8 +11,9 @@ from revline.errors import AnalysisError
 from revline.studies.captions import caption, figure_ids
 from revline.studies.checks import check_study
 from revline.studies.config import StudyConfig
+from revline.studies.content_hunting import not_found
 from revline.studies.hunting_record import hunting_record
-from revline.studies.hunting_results import HuntingResult
+from revline.studies.hunting_results import HuntingResult, NoCycle
 from revline.studies.hunting_steps import find_hunting
 from revline.studies.own_figures import ONSET_FIGURE, ORBIT_FIGURE, onset_words
 from revline.studies.results import LoopRow
@@ -82,6 +83,26 @@ def test_what_does_not_hunt_has_no_figures(config: StudyConfig, results: StudyRe
     assert caption(ORBIT_FIGURE, calm).endswith("There is none.")
     assert hunting_record(calm.hunting) == {"limit_cycles": [], "hunting_onsets": [], "not_computed": []}
     assert not any("limit cycle of C1: orbit" in check.name for check in check_study(config, calm))
+
+
+def test_what_was_not_found_is_said_with_its_reason(results: StudyResults) -> None:
+    missing = HuntingResult(
+        cycles=(), without_cycle=(NoCycle("c2d", "it winds too fast"),), onsets=(), without_onset=(NoCycle("c1", "no cycle beyond it"),)
+    )
+    words = [str(block) for block in not_found(missing)]
+    assert len(words) == 2
+    assert "The limit cycle of C2d was not found: it winds too fast" in words[0]
+    assert "How hunting begins with C1 was not found: no cycle beyond it" in words[1]
+    assert list(not_found(results.hunting)) == []
+
+
+def test_every_controller_that_hunts_has_its_cycle_looked_for(config: StudyConfig, results: StudyResults) -> None:
+    """At other points C2d hunts as well; here the record of C2 stands for its, and its cycle is that of C2."""
+    c2 = results.loops.row("c2", "engine").run
+    rows = tuple(row._replace(run=c2) if (row.controller, row.plant) == ("c2d", "engine") else row for row in results.loops.rows)
+    found = find_hunting(config.load_engine(), results.point, results.controllers, dataclasses.replace(results.loops, rows=rows))
+    assert [row.controller for row in found.cycles] == ["c1", "c2", "c2d"]
+    assert (found.cycles[2].low, found.cycles[2].high) == (found.cycles[1].low, found.cycles[1].high)
 
 
 def test_the_linear_model_s_range_is_the_narrowest_of_all_frequencies(results: StudyResults) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from revline.studies.checks import check_study
 from revline.studies.config import StudyConfig
-from revline.studies.content_stability import regions_in_words
+from revline.studies.content_stability import _target_words, regions_in_words
 from revline.studies.stability_record import stability_record
 from revline.studies.stability_results import AT_START, AT_TARGET, RegionRow
 from revline.studies.stability_steps import collect_plants, find_stability, find_target
@@ -67,6 +67,8 @@ def test_a_command_beyond_the_engine_s_speeds_leaves_no_target(config: StudyConf
     assert found.target == ()
     assert AT_TARGET not in {row.plant for row in found.regions}
     assert "target_point" not in stability_record(found)
+    assert _target_words(found) == " (where the command leads, no steady state of the engine was found)"
+    assert "where the command leads them, 3" in _target_words(results.stability)
 
 
 def test_a_wrong_boundary_fails_its_check(config: StudyConfig, results: StudyResults) -> None:

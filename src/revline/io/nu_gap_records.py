@@ -94,7 +94,11 @@ def summarise(found: Guarantee, controller: str) -> str:
         controller: its name.
     """
     gap, first, second = found.gap, found.gap.first, found.gap.second
-    count = f"{found.unstable_poles[1]:g} poles right of the axis" if math.isfinite(found.unstable_poles[1]) else "poles without number"
+    count = (
+        f"{found.unstable_poles[1]:g} poles right of the axis"
+        if math.isfinite(found.unstable_poles[1])
+        else "infinitely many poles right of the axis"
+    )
     truth = f"by its own count the loop there is {'stable' if found.stable else f'unstable, with {count}'}"
     nothing = f"{first} says nothing about this loop on {second}; {truth}"
     if found.unstable_poles[0] != 0:

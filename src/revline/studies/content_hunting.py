@@ -6,7 +6,7 @@ from revline.report.blocks import Align, Block, Column, Paragraph, TableBlock
 from revline.report.document import Section
 from revline.report.inline import marked
 from revline.report.numbers import format_number
-from revline.studies.hunting_results import CycleRow
+from revline.studies.hunting_results import CycleRow, HuntingResult
 from revline.studies.material import Material, figures
 from revline.studies.own_figures import ONSET_FIGURE, ORBIT_FIGURE, RANGE_FIGURE, is_drawn, onset_words, range_words
 from revline.studies.results import title
@@ -23,7 +23,8 @@ def hunting_section(material: Material) -> Section:
         if found.cycles
         else "No controller ends in a limit cycle that was computed as an orbit here."
     )
-    return Section(title="How it hunts", anchor="hunting", blocks=(Paragraph(text), *_cycles(material), *_onsets(material)))
+    blocks = (Paragraph(text), *_cycles(material), *_onsets(material), *not_found(material.results.hunting))
+    return Section(title="How it hunts", anchor="hunting", blocks=blocks)
 
 
 def _cycles(material: Material) -> Iterator[Block]:
@@ -66,6 +67,15 @@ def _onsets(material: Material) -> Iterator[Block]:
     for row in material.results.hunting.onsets:
         yield Paragraph(marked(f"How does it begin? {typographic(onset_words(row))} [](#figure-{ONSET_FIGURE}) follows the cycles."))
         yield from figures(material, ONSET_FIGURE)
+
+
+def not_found(found: HuntingResult) -> Iterator[Block]:
+    """Why a cycle stands in no table, and why nothing is said of an onset."""
+    if not found.cycles:
+        for row in found.without_cycle:
+            yield Paragraph(typographic(f"The limit cycle of {title(row.controller)} was not found: {row.reason}"))
+    for row in found.without_onset:
+        yield Paragraph(typographic(f"How hunting begins with {title(row.controller)} was not found: {row.reason}"))
 
 
 def range_blocks(material: Material) -> tuple[Block, ...]:

@@ -10,7 +10,7 @@ from revline.report.numbers import format_decimals, format_number
 from revline.studies.content_distance import distance_blocks
 from revline.studies.material import Material, figures
 from revline.studies.results import title
-from revline.studies.stability_results import AT_START, AT_TARGET, RegionRow, StabilityResult
+from revline.studies.stability_results import AT_START, AT_TARGET, NoRegion, RegionRow, StabilityResult
 from revline.studies.study_results import StudyResults
 from revline.studies.words import listed, plant_name, typographic
 
@@ -26,9 +26,9 @@ def stability_section(material: Material) -> Section:
         blocks=(
             Paragraph(
                 marked(
-                    "The outcomes above need no simulation to be foreseen. The engine is linearised with its delays exact, where the loops "
-                    f"start and where the command leads them{_target_words(found)}, and each loop is judged on that and on the fitted "
-                    "models: [](#table-margins). Nothing is approximated; a delay stays a factor exp(-sτ)."
+                    "Whether a loop comes to rest needs no simulation to be foreseen, as long as no limit holds the throttle. The engine "
+                    f"is linearised with its delays exact, where the loops start{_target_words(found)}, and each loop is judged on that "
+                    "and on the fitted models: [](#table-margins). Nothing is approximated; a delay stays a factor exp(-sτ)."
                 )
             ),
             _margins_table(found),
@@ -40,6 +40,7 @@ def stability_section(material: Material) -> Section:
                 )
             ),
             *figures(material, "7.1", "7.2", "7.3"),
+            *(Paragraph(typographic(_no_region_words(row))) for row in found.without_region),
             Callout(kind=CalloutKind.FINDING, title=typographic(" ".join(regions_in_words(material.results)))),
             *distance_blocks(material),
         ),
@@ -47,7 +48,13 @@ def stability_section(material: Material) -> Section:
 
 
 def _target_words(found: StabilityResult) -> str:
-    return "".join(f", {trim.output('engine_speed'):.1f} rad/s at {trim.input('throttle'):.2f} deg" for trim in found.target)
+    for trim in found.target:
+        return f" and where the command leads them, {trim.output('engine_speed'):.1f} rad/s at {trim.input('throttle'):.2f} deg"
+    return " (where the command leads, no steady state of the engine was found)"
+
+
+def _no_region_words(row: NoRegion) -> str:
+    return f"The gains that stabilise {plant_name(row.plant)} with kd = {row.kd:.3g} deg s²/rad were not found: {row.reason}"
 
 
 def _margins_table(found: StabilityResult) -> TableBlock:

@@ -134,11 +134,16 @@ def delay_blocks(found: DelayModels, errors: ErrorsResult) -> Iterator[Block]:
         for models, text in ((found.free, "fitted with the poles"), (found.fixed, "as the engine has it"))
         for model in models
     ]
-    yield Paragraph(
+    text = (
         "G2d's poles were fitted without its delay, and stand for a part of it. Fitted together, with a delay of "
-        f"{listed(delays)}, they need not. In the last model the delay is an angle of {found.angle:.3g} rad over the model's own speed: "
-        "it is shorter where the speed is higher. Its mean moves under a sinusoid, as the engine's does, but not alike."
+        f"{listed(delays)}, they need not."
     )
+    if any("g2_varying_lag" in record.models for record in found.records):
+        text += (
+            f" In the last model the delay is an angle of {found.angle:.3g} rad over the model's own speed: "
+            "it is shorter where the speed is higher. Its mean moves under a sinusoid, as the engine's does, but not alike."
+        )
+    yield Paragraph(text)
     columns = (
         Column(heading="Throttle"),
         Column(heading="Model"),
@@ -150,7 +155,7 @@ def delay_blocks(found: DelayModels, errors: ErrorsResult) -> Iterator[Block]:
     for plain, record in zip(errors.records, found.records, strict=True):
         what = "step" if record.kind == "step" else f"sinusoid, {record.frequency:g} rad/s"
         rows += [(what, title, *_cells(whose, name)) for whose, name, title in _compared(plain, record)]
-    yield TableBlock(caption="Errors of the speed with other delays", columns=columns, rows=tuple(rows))
+    yield TableBlock(caption="Errors of the speed with other delays", columns=columns, rows=tuple(rows), notes=found.missing)
 
 
 def _compared(plain: ErrorRecord, record: ErrorRecord) -> Iterator[tuple[ErrorRecord, str, str]]:

@@ -6,8 +6,10 @@ from revline.analysis.linearize import linearize
 from revline.design.closed_loop import LoopRun, describe_outcome
 from revline.design.gain_rays import GainLimit, NoGainLimit, find_gain_limit
 from revline.design.loop_family import family_of_model, family_of_system
+from revline.design.outcome import Stalled
 from revline.studies.results import title
 from revline.studies.study_results import StudyResults
+from revline.studies.words import misses, outcome_text
 from revline.system import DelaySystem
 
 SEARCH_TO = 1e4
@@ -58,8 +60,8 @@ def _sentences(engine: DelaySystem, results: StudyResults) -> Iterator[str]:
         on_model, on_engine = loops.row(controller, model).run, loops.row(controller, "engine").run
         told = "told" if _foresees(on_model, on_engine) else "did not tell"
         yield (
-            f"{title(controller)}, designed on {title(model)}, {describe_outcome(on_model)} there; "
-            f"on the engine it {describe_outcome(on_engine)}. The model without delay {told}."
+            f"{title(controller)}, designed on {title(model)}, {_ended(on_model)} there; "
+            f"on the engine it {_ended(on_engine)}. The model without delay {told}."
         )
     yield _of_c2d(loops.row("c2d", "g2d").run, loops.row("c2d", "engine").run, tau)
     yield _of_reduced(loops.row("c2d_reduced", "g2").run, loops.row("c2d_reduced", "engine").run, loops.row("c2d", "engine").run)
@@ -78,8 +80,8 @@ def _sentences(engine: DelaySystem, results: StudyResults) -> Iterator[str]:
 
 def _of_c2d(model: LoopRun, engine: LoopRun, delay: float) -> str:
     text = (
-        f"C2d, designed on G2d with its delay of {1e3 * delay:.1f} ms, {describe_outcome(model)} there; on the engine, without retuning, "
-        f"it {describe_outcome(engine)}"
+        f"C2d, designed on G2d with its delay of {1e3 * delay:.1f} ms, {_ended(model)} there; on the engine, without retuning, "
+        f"it {_ended(engine)}"
     )
     if not (model.is_stable and engine.is_stable):
         return f"{text}."
@@ -88,7 +90,7 @@ def _of_c2d(model: LoopRun, engine: LoopRun, delay: float) -> str:
 
 def _of_reduced(model: LoopRun, engine: LoopRun, whole: LoopRun) -> str:
     """What a tenth of C2d's proportional gain does; more overshoot than with the whole gain is the slow oscillation."""
-    outcomes = f"the engine {describe_outcome(engine)}; on G2 the same loop {describe_outcome(model)}"
+    outcomes = f"the engine {_ended(engine)}; on G2 the same loop {_ended(model)}"
     if engine.is_stable and engine.overshoot <= whole.overshoot:
         return f"With a tenth of C2d's proportional gain (ki and kd unchanged) {outcomes}."
     return (
@@ -98,10 +100,17 @@ def _of_reduced(model: LoopRun, engine: LoopRun, whole: LoopRun) -> str:
 
 
 def _foresees(model: LoopRun, engine: LoopRun) -> bool:
-    """Whether a loop on a model ends as it does on the engine: both at rest with overshoots alike, or neither."""
+    """Whether a loop on a model ends as it does on the engine: both at rest, on or off target, with overshoots alike, or neither."""
     if not (model.is_stable and engine.is_stable):
         return model.is_stable == engine.is_stable
+    if misses(model) != misses(engine):
+        return False
     return abs(engine.overshoot - model.overshoot) <= ALIKE
+
+
+def _ended(run: LoopRun) -> str:
+    """How a loop ends, in words; where the engine stalls, its speed with a unit."""
+    return outcome_text(run) if isinstance(run.outcome, Stalled) else describe_outcome(run)
 
 
 def _title(name: str) -> str:

@@ -12,7 +12,7 @@ from revline.studies.loop_steps import operating_point, throttle_limits
 from revline.studies.results import ControllersResult, LoopsResult, PointResult
 from revline.system import DelaySystem
 
-CONTROLLERS = ("c1", "c2")
+CONTROLLERS = ("c1", "c2", "c2d")
 ONSET_OF = ("c1",)
 """Controllers whose onset is looked for; C2's kd leaves nothing to be stabilised."""
 

@@ -52,10 +52,10 @@ def _region(controller: str) -> Caption:
         kd = results.controllers.gains[controller].kd
         rows = results.stability.of_kd(kd)
         text = f"kd = {kd:.3g} deg s²/rad. Inside its line a loop is stable; on it a pair of roots oscillates."
-        endless = [title(row.plant) for row in rows if not row.bounded]
+        endless = [plant_name(row.plant) for row in rows if not row.bounded and not row.is_empty]
         none = [plant_name(row.plant) for row in rows if row.is_empty]
         if endless:
-            text += f" {listed(endless)} {'have' if len(endless) > 1 else 'has'} no end to the right."
+            text += f" Gains that stabilise {listed(endless)} go on beyond what is drawn."
         if none:
             text += f" Nothing stabilises {listed(none)}."
         return f"{text}{_peaks(rows)}"

@@ -3,7 +3,7 @@
 import re
 from types import MappingProxyType
 
-from revline.design.closed_loop import LoopRun, describe_outcome
+from revline.design.closed_loop import MISSED, LoopRun, describe_outcome
 from revline.design.outcome import Diverged, LimitCycle, Settled, Stalled
 from revline.errors import NotSettledError
 from revline.report.numbers import MINUS, format_number
@@ -28,11 +28,16 @@ def plant_name(plant: str) -> str:
     return PLANTS.get(plant, title(plant))
 
 
+def misses(run: LoopRun) -> bool:
+    """Whether a loop comes to rest off its target, as one does whose throttle stays at a limit."""
+    return isinstance(run.outcome, Settled) and abs(run.outcome.steady_error) > MISSED * abs(run.command)
+
+
 def ending(run: LoopRun) -> str:
-    """How a loop ends, in one verb."""
+    """How a loop ends, in a few words."""
     match run.outcome:
         case Settled():
-            return "settles"
+            return "settles off target" if misses(run) else "settles"
         case LimitCycle():
             return "hunts"
         case Diverged():
