@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption
+from revline.cli.plants import EngineChoice, linearise_engine, refuse_engine
 from revline.cli.shell import Facts, Grid, Shell
 from revline.errors import InvalidInputError
 
@@ -65,13 +66,13 @@ def margins(
     gains = read_controller(files[-1]).gains
     options = (unstable_poles, delay, columns, amplitude)
     if len(files) == 2 and files[0].suffix.lower() == ".csv":
-        _check_no_trim(throttle, load)
+        refuse_engine(EngineChoice(engine, throttle, load))
         _show_sampled(shell, files[0], gains, options, out)
         return
     if any(option is not None for option in options):
         message = "--unstable-poles, --delay, --columns and --amplitude are for a frequency response; give RESPONSE.csv, or leave them out"
         raise InvalidInputError(message)
-    found = find_margins(_open_loop(files, gains, engine, place=(throttle, load)))
+    found = find_margins(_open_loop(files, gains, EngineChoice(engine, throttle, load)))
     record = margin_record(found, gains)
     shell.write(out, format_json(record), "margins")
     shell.show(
@@ -106,43 +107,20 @@ def _show_sampled(
     )
 
 
-def _check_no_trim(throttle: float | None, load: float) -> None:
-    if throttle is not None or load != 0.0:
-        message = "--throttle and --load place an engine's trim; a file of the plant has its own operating point, leave them out"
-        raise InvalidInputError(message)
+def _open_loop(files: list[Path], gains: "PidGains", choice: EngineChoice) -> "OpenLoop":
+    from revline.design.open_loop import open_loop_of_model, open_loop_of_system
+    from revline.io.model_files import read_model
 
-
-def _open_loop(files: list[Path], gains: "PidGains", engine: str, *, place: tuple[float | None, float]) -> "OpenLoop":
-    throttle, load = place
     if len(files) > 2:
         message = f"{len(files)} files were given; give a controller file, or a model file and a controller file"
         raise InvalidInputError(message)
     if len(files) == 2:
-        _check_no_trim(throttle, load)
-        return _of_model(files[0], gains)
-    if throttle is None:
-        message = "a loop around an engine needs --throttle, the angle [deg] of the trim that it is linearised at"
-        raise InvalidInputError(message)
-    return _of_engine(engine, gains, throttle, load)
-
-
-def _of_model(path: Path, gains: "PidGains") -> "OpenLoop":
-    from revline.design.open_loop import open_loop_of_model
-    from revline.io.model_files import read_model
-
-    file = read_model(path)
-    return open_loop_of_model(file.model, gains, name=file.name)
-
-
-def _of_engine(engine: str, gains: "PidGains", throttle: float, load: float) -> "OpenLoop":
-    from revline.analysis.linearize import linearize
-    from revline.analysis.trim import find_trim
-    from revline.design.open_loop import open_loop_of_system
-    from revline.io.engine_files import load_engine
-
-    system = load_engine(engine)
-    trim = find_trim(system, inputs={"throttle": throttle, "load_torque": load})
-    return open_loop_of_system(linearize(system, trim).model, gains, name=f"{system.name} at {throttle:g} deg, {load:g} N m")
+        refuse_engine(choice)
+        file = read_model(files[0])
+        return open_loop_of_model(file.model, gains, name=file.name)
+    wanting = "a loop around an engine needs --throttle, the angle [deg] of the trim that it is linearised at"
+    name, linear = linearise_engine(choice, wanting)
+    return open_loop_of_system(linear, gains, name=name)
 
 
 def _crossovers(record: Mapping[str, object]) -> list[tuple[float, str, str]]:

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption
+from revline.cli.plants import EngineChoice, linearise_engine, refuse_engine
+from revline.cli.plots import check_plot, write_plot
 from revline.cli.shell import Facts, Shell
 from revline.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from revline.design.compared_plant import ComparedPlant
-
-ENDINGS = (".png", ".svg")
 
 
 def nu_gap(
@@ -48,10 +48,10 @@ def nu_gap(
     from revline.io.nu_gap_records import describe_gap, describe_guarantee, format_gap, gap_record, guarantee_record, summarise
 
     shell = Shell(json=json, quiet=quiet)
-    shell.prepare(out, "table of chords")
-    _prepare_plot(shell, plot, controller)
+    _check_plot(plot, controller)
+    shell.prepare_each((out, "table of chords"), (plot, "figure"))
     gains = None if controller is None else read_controller(controller).gains
-    first, second = _plants(files, engine, (throttle, load))
+    first, second = _plants(files, EngineChoice(engine, throttle, load))
     if controller is None or gains is None:
         gap = find_nu_gap(first, second)
         record, rows, closing = gap_record(gap), describe_gap(gap), []
@@ -65,41 +65,33 @@ def nu_gap(
         record, rows, closing = guarantee_record(found, controller.stem), describe_guarantee(found), [summarise(found, controller.stem)]
         text = format_gap(found)
         if plot is not None:
-            from revline.report.figure_files import render_figure
             from revline.report.nu_gap import plot_nu_gap
 
-            png, svg = render_figure(plot_nu_gap([(f"{controller.stem} from {first.name} to {second.name}", found)]), "revline nu-gap")
-            plot.write_bytes(png if plot.suffix == ".png" else svg)
+            write_plot(plot, plot_nu_gap([(f"{controller.stem} from {first.name} to {second.name}", found)]), "nu-gap")
     shell.write(out, text, "table of chords")
     shell.show(record, Facts(f"{first.name} and {second.name}", rows), *closing, text_on=out)
 
 
-def _prepare_plot(shell: Shell, plot: Path | None, controller: Path | None) -> None:
-    if plot is None:
-        return
-    if plot.suffix not in ENDINGS:
-        message = f"--plot {plot}: a figure is written as {' or '.join(ENDINGS)}; give the file one of these endings"
-        raise InvalidInputError(message)
-    if controller is None:
+def _check_plot(plot: Path | None, controller: Path | None) -> None:
+    check_plot(plot)
+    if plot is not None and controller is None:
         message = "--plot shows the chord beside a controller's margin; give --controller, or leave --plot out"
         raise InvalidInputError(message)
-    shell.prepare(plot, "figure")
 
 
-def _plants(files: list[Path], engine: str, place: tuple[float | None, float]) -> "tuple[ComparedPlant, ComparedPlant]":
-    throttle, load = place
+def _plants(files: list[Path], choice: EngineChoice) -> "tuple[ComparedPlant, ComparedPlant]":
+    from revline.design.compared_plant import plant_of_system
+
     if len(files) > 2:
         message = f"{len(files)} files were given; give one model file or two"
         raise InvalidInputError(message)
     if len(files) == 2:
-        if throttle is not None or load != 0.0:
-            message = "--throttle and --load place an engine's trim; two model files need none, leave them out"
-            raise InvalidInputError(message)
+        refuse_engine(choice, "two model files need none")
         return _of_model(files[0]), _of_model(files[1])
-    if throttle is None:
-        message = "one model is compared with an engine at --throttle, the angle [deg] of its trim; give that, or a second model file"
-        raise InvalidInputError(message)
-    return _of_model(files[0]), _of_engine(engine, throttle, load)
+    first = _of_model(files[0])
+    wanting = "one model is compared with an engine at --throttle, the angle [deg] of its trim; give that, or a second model file"
+    name, linear = linearise_engine(choice, wanting)
+    return first, plant_of_system(linear, name=name)
 
 
 def _of_model(path: Path) -> "ComparedPlant":
@@ -108,14 +100,3 @@ def _of_model(path: Path) -> "ComparedPlant":
 
     file = read_model(path)
     return plant_of_model(file.model, name=file.name)
-
-
-def _of_engine(engine: str, throttle: float, load: float) -> "ComparedPlant":
-    from revline.analysis.linearize import linearize
-    from revline.analysis.trim import find_trim
-    from revline.design.compared_plant import plant_of_system
-    from revline.io.engine_files import load_engine
-
-    system = load_engine(engine)
-    trim = find_trim(system, inputs={"throttle": throttle, "load_torque": load})
-    return plant_of_system(linearize(system, trim).model, name=f"{system.name} at {throttle:g} deg, {load:g} N m")

@@ -7,26 +7,24 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption
+from revline.cli.plants import EngineChoice, find_engine_trim, linearise_engine, refuse_engine
+from revline.cli.plots import PlotOption, check_plot, write_plot
 from revline.cli.shell import Facts, Grid, Shell
 from revline.errors import InvalidInputError
 
 if TYPE_CHECKING:
-    from revline.analysis.trim import Trim
     from revline.design.gain_curve import Contour, LoopFamily
     from revline.design.gain_slices import GainSlice, Mark, Question
     from revline.design.nonlinear_boundary import BoundaryPoint, NonlinearBoundary
-    from revline.system import DelaySystem
 
-ENDINGS = (".png", ".svg")
+WANTING = "give a model file, or --throttle, the angle [deg] of the trim that the engine is linearised at"
 
 
 class _Plant(NamedTuple):
     """What gains are sought for: a model file, or an engine at a trim."""
 
     model: Path | None
-    engine: str
-    throttle: float | None
-    load: float
+    choice: EngineChoice
 
 
 class _Simulation(NamedTuple):
@@ -63,7 +61,6 @@ OnEngineOption = Annotated[
     int, typer.Option("--on-engine", metavar="N", min=0, help="Bisect the boundary on the nonlinear engine along N rays.")
 ]
 StepOption = Annotated[float, typer.Option("--step", metavar="DW", help="Step of the speed command for --on-engine [rad/s].")]
-PlotOption = Annotated[Path | None, typer.Option("--plot", metavar="FILE.png|svg", help="Figure to write.")]
 CsvOption = Annotated[Path | None, typer.Option("--csv", metavar="FILE", help="Boundaries and contours as CSV, units in the header.")]
 WorkersOption = Annotated[int, typer.Option("--workers", min=1, max=64, help="Threads for --on-engine; results do not depend on them.")]
 
@@ -101,9 +98,9 @@ def region(
     from revline.io.region_records import boundary_record, region_csv, slices_record
 
     shell = Shell(json=json, quiet=quiet)
-    shell.prepare(out, "region")
-    _prepare_files(shell, plot, csv)
-    plant = _Plant(model, engine, throttle, load)
+    check_plot(plot)
+    shell.prepare_each((out, "region"), (plot, "figure"), (csv, "table of gains"))
+    plant = _Plant(model, EngineChoice(engine, throttle, load))
     marks = _marks(mark or [])
     question = _question(kd, ms, (damping, damping_up_to), (kp_max, ki_max), marked=bool(marks))
     simulation = _simulation(plant, on_engine, step, workers)
@@ -118,14 +115,6 @@ def region(
     shell.write(csv, region_csv(slices) if csv else "", "table of gains")
     _write_plot(plot, slices, simulated)
     shell.show(record, *_parts(name, slices, simulated), *_largest_words(record), text_on=out)
-
-
-def _prepare_files(shell: Shell, plot: Path | None, csv: Path | None) -> None:
-    if plot is not None and plot.suffix not in ENDINGS:
-        message = f"--plot {plot}: a figure is written as {' or '.join(ENDINGS)}; give the file one of these endings"
-        raise InvalidInputError(message)
-    for path, what in ((plot, "figure"), (csv, "table of gains")):
-        shell.prepare(path, what)
 
 
 def _question(
@@ -170,30 +159,13 @@ def _maker(plant: _Plant) -> tuple[str, "Callable[[float, Contour], LoopFamily]"
     from revline.design.loop_family import family_of_model, family_of_system
 
     if plant.model is not None:
-        if plant.throttle is not None or plant.load != 0.0:
-            message = "--throttle and --load place an engine's trim; a model file has its own operating point, leave them out"
-            raise InvalidInputError(message)
+        refuse_engine(plant.choice)
         from revline.io.model_files import read_model
 
         file = read_model(plant.model)
         return file.name, lambda kd, contour: family_of_model(file.model, kd=kd, name=file.name, contour=contour), file.model.delay > 0.0
-    from revline.analysis.linearize import linearize
-
-    system, trim = _trim(plant)
-    linear = linearize(system, trim).model
-    name = f"{system.name} at {plant.throttle:g} deg, {plant.load:g} N m"
+    name, linear = linearise_engine(plant.choice, WANTING)
     return name, lambda kd, contour: family_of_system(linear, kd=kd, name=name, contour=contour), bool(linear.lags.size)
-
-
-def _trim(plant: _Plant) -> "tuple[DelaySystem, Trim]":
-    from revline.analysis.trim import find_trim
-    from revline.io.engine_files import load_engine
-
-    if plant.throttle is None:
-        message = "give a model file, or --throttle, the angle [deg] of the trim that the engine is linearised at"
-        raise InvalidInputError(message)
-    system = load_engine(plant.engine)
-    return system, find_trim(system, inputs={"throttle": plant.throttle, "load_torque": plant.load})
 
 
 def _simulate(shell: Shell, plant: _Plant, asked: _Simulation | None, kds: Sequence[float]) -> "list[NonlinearBoundary]":
@@ -203,7 +175,7 @@ def _simulate(shell: Shell, plant: _Plant, asked: _Simulation | None, kds: Seque
     from revline.design.nonlinear_boundary import BoundarySearch, StepCase, find_nonlinear_boundary
     from revline.engine.lee1995 import lee1995_parameters
 
-    system, trim = _trim(plant)
+    system, trim = find_engine_trim(plant.choice, WANTING)
     limits = Limits(0.0, lee1995_parameters(system).throttle.saturation_angle)
     found = []
     for kd in kds:
@@ -218,11 +190,9 @@ def _simulate(shell: Shell, plant: _Plant, asked: _Simulation | None, kds: Seque
 def _write_plot(plot: Path | None, slices: "Sequence[GainSlice]", simulated: "Sequence[NonlinearBoundary]") -> None:
     if plot is None:
         return
-    from revline.report.figure_files import render_figure
     from revline.report.gains import plot_gain_slices
 
-    png, svg = render_figure(plot_gain_slices(slices, simulated=simulated), "revline region")
-    plot.write_bytes(png if plot.suffix == ".png" else svg)
+    write_plot(plot, plot_gain_slices(slices, simulated=simulated), "region")
 
 
 def _parts(name: str, slices: "Sequence[GainSlice]", simulated: "Sequence[NonlinearBoundary]") -> list[Facts | Grid]:

@@ -95,6 +95,25 @@ class Shell:
 
             check_writable(out, what)
 
+    def prepare_each(self, *files: tuple[Path | None, str]) -> None:
+        """Refuse files that cannot be written, and two results for one file, of which one would be lost.
+
+        Args:
+            files: each with what it is, for messages.
+
+        Raises:
+            InvalidInputError: as `prepare`, or two are the same file.
+        """
+        seen: dict[Path, str] = {}
+        for path, what in files:
+            self.prepare(path, what)
+            key = None if path is None else path.absolute()
+            if key in seen:
+                message = f"the {seen[key]} and the {what} cannot both be written to {path}; name a file for each"
+                raise InvalidInputError(message)
+            if key is not None:
+                seen[key] = what
+
     def write(self, out: Path | None, text: str, what: str) -> None:
         """Write a file whole or not at all, or to stdout; nowhere where no file is named."""
         if is_stdout(out):
