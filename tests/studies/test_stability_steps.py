@@ -80,3 +80,25 @@ def test_a_wrong_boundary_fails_its_check(config: StudyConfig, results: StudyRes
     wrong = dataclasses.replace(results.stability, regions=tuple(moved(row) for row in results.stability.regions))
     failed = {c.name for c in check_study(config, dataclasses.replace(results, stability=wrong)) if not c.passed}
     assert failed == {f"exact model at {angle} deg: kp at which proportional control alone loses stability" for angle in (25, 30)}
+
+
+def test_what_is_missing_fails_its_check_instead_of_leaving_it_out(config: StudyConfig, results: StudyResults) -> None:
+    """Negative control: a study of the thesis without regions, margins, cycles, gaps or orbits must not pass for one that checked them."""
+    whole = {check.name for check in check_study(config, results)}
+    bare = dataclasses.replace(
+        results,
+        stability=dataclasses.replace(results.stability, regions=(), margins=()),
+        hunting=dataclasses.replace(results.hunting, cycles=(), onsets=()),
+        distance=dataclasses.replace(results.distance, rows=()),
+        routes=dataclasses.replace(results.routes, balances=(), effects=()),
+    )
+    failed = {check.name for check in check_study(config, bare) if not check.passed}
+    assert failed == {
+        *(f"exact model at {angle} deg: kp at which proportional control alone loses stability" for angle in (25, 30)),
+        *(f"exact model at {angle} deg: kp at which a controller of C1's ratio loses stability" for angle in (25, 30)),
+        "limit cycles computed as orbits",
+        "onsets of hunting found",
+        "models compared with the engine by the nu-gap",
+        "frequencies with an answer by harmonic balance",
+    }
+    assert failed <= whole

@@ -137,6 +137,10 @@ def _response_checks(results: "StudyResults") -> Iterator[Check]:
         k = int(np.argmin(np.abs(stream.omega - frequency)))
         yield _check(f"fourier at {frequency:g} rad/s over the converged amplitude", stream.amplitude[k] / size, 1.0, 1e-4)
         yield _check(f"fourier at {frequency:g} rad/s, phase", stream.phase_deg[k], phase, 0.01, "deg")
+    answered = sum(balance.omega.size for balance in results.routes.balances)
+    yield _check("frequencies with an answer by harmonic balance", answered, float(stream.omega.size), 0.0)
+    compared = sum(int(np.sum(c.difference.omega >= stream.omega[0])) for c in results.routes.check.comparisons)
+    yield _check("frequencies at which two routes were compared, of both comparisons", compared, 2.0 * stream.omega.size, 0.0)
     for balance in results.routes.balances:
         for frequency, size, phase in CONVERGED:
             k = int(np.argmin(np.abs(balance.omega - frequency)))
@@ -234,11 +238,12 @@ def _stability_checks(results: "StudyResults") -> Iterator[Check]:
     """Gains at which stability is lost, recomputed for the engine of Lee (1995) to all digits; C1's own ratio ki/kp is 7.83 per second."""
     found, c1 = results.stability, results.controllers.gains["c1"]
     for plant, name, alone, with_integral in ((AT_START, "25 deg", 2.106, 1.240), (AT_TARGET, "30 deg", 2.794, 1.927)):
-        for region in found.of_kd(0.0):
-            if region.plant == plant:
-                measured = region.intervals[-1][1]
-                yield _check(f"exact model at {name}: kp at which proportional control alone loses stability", measured, alone, 1e-3)
+        ends = [region.intervals[-1][1] for region in found.of_kd(0.0) if region.plant == plant and region.intervals]
+        yield _check(f"exact model at {name}: kp at which proportional control alone loses stability", sum(ends), alone, 1e-3)
         loop = found.margin("c1", plant)
-        if loop is not None and loop.margins.gain_fall is not None:
-            measured = c1.kp * loop.margins.gain_fall.gain_margin
-            yield _check(f"exact model at {name}: kp at which a controller of C1's ratio loses stability", measured, with_integral, 1e-3)
+        fall = None if loop is None else loop.margins.gain_fall
+        measured = 0.0 if fall is None else c1.kp * fall.gain_margin
+        yield _check(f"exact model at {name}: kp at which a controller of C1's ratio loses stability", measured, with_integral, 1e-3)
+    yield _check("limit cycles computed as orbits", len(results.hunting.cycles), 2.0, 0.0)
+    yield _check("onsets of hunting found", len(results.hunting.onsets), 1.0, 0.0)
+    yield _check("models compared with the engine by the nu-gap", len(results.distance.rows), 8.0, 0.0)

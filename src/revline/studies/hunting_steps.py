@@ -1,9 +1,7 @@
 """The study's step on hunting: limit cycles computed as orbits of the engine's loops, held against their simulation, and their onset."""
 
-import numpy as np
-
 from revline.design.closed_loop import LoopRun
-from revline.design.hunting import HuntingOrbit, confirm_cycle
+from revline.design.hunting import confirm_cycle
 from revline.design.onset import RayTask, find_onset
 from revline.design.outcome import LimitCycle
 from revline.errors import NotConvergedError, RevlineError
@@ -59,14 +57,10 @@ def _cycle(engine: DelaySystem, point: PointResult, name: str, run: LoopRun) -> 
         gap=orbit.gap,
         tolerance=orbit.tolerance,
         speed=orbit.wave("engine_speed"),
-        control=_control(orbit),
+        control=orbit.wave("control"),
         simulated_speed=run.output[last],
         simulated_control=run.control[last],
     )
-
-
-def _control(orbit: HuntingOrbit) -> np.ndarray:
-    return np.clip(orbit.wave("control"), orbit.control_low, orbit.control_high)
 
 
 def _onset(engine: DelaySystem, point: PointResult, controllers: ControllersResult, loops: LoopsResult, name: str) -> OnsetRow | NoCycle:

@@ -116,10 +116,10 @@ def _regions(plants: Plants, kd: float, controllers: ControllersResult) -> Itera
 def _window(plants: Plants, kd: float, marks: Mapping[str, PidGains]) -> Window:
     """One window for all plants, that shows the whole region of the engine's exact models and every controller."""
     found = []
-    for plant in (AT_START, AT_TARGET):
+    for plant in (name for name in (AT_START, AT_TARGET) if name in plants.by_name):
         try:
             found.append(find_window(plants.family(plant, kd)))
-        except (RevlineError, KeyError):
+        except RevlineError:  # that there is no region is said, with this reason, when it is looked for in the window
             continue
     high = ROOM * max([w.kp_high / 1.1 for w in found] + [gains.kp for gains in marks.values()])
     top = ROOM * max([w.ki_high / 1.1 for w in found] + [gains.ki for gains in marks.values()])
