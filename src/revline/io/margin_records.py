@@ -1,10 +1,10 @@
 """Margins of a loop as a record for JSON, and in words."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from revline.design.controller import PidGains
-from revline.design.margins import Margins
+from revline.design.margins import GainCrossover, Margins, PhaseCrossover
 
 MOST_CROSSOVERS = 12
 """A long delay makes hundreds of phase crossovers; a record lists this many of the lowest, and says how many there are."""
@@ -17,8 +17,26 @@ def margin_record(found: Margins, gains: PidGains) -> Mapping[str, object]:
         found: the margins.
         gains: of the controller.
     """
-    controller = {"kp": gains.kp, "ki": gains.ki, "kd": gains.kd, "rule": gains.rule, "designed_on": gains.designed_on}
-    return {"loop": found.loop, "controller": controller, **margin_fields(found)}
+    return {"loop": found.loop, "controller": controller_fields(gains), **margin_fields(found)}
+
+
+def controller_fields(gains: PidGains) -> dict[str, object]:
+    """Give what a record of margins says of the controller."""
+    return {"kp": gains.kp, "ki": gains.ki, "kd": gains.kd, "rule": gains.rule, "designed_on": gains.designed_on}
+
+
+def crossover_fields(gain: Sequence[GainCrossover], phase: Sequence[PhaseCrossover]) -> dict[str, object]:
+    """Give crossovers as fields of a record, by rising frequency."""
+    return {
+        "gain_crossovers": [
+            {"frequency_rad_s": c.frequency, "phase_margin_deg": c.phase_margin_deg, "delay_margin_s": c.delay_margin} for c in gain
+        ],
+        "phase_crossovers": [
+            {"frequency_rad_s": c.frequency, "gain_margin": c.gain_margin, "gain_margin_db": c.gain_margin_db}
+            for c in phase[:MOST_CROSSOVERS]
+        ],
+        "phase_crossovers_found": len(phase),
+    }
 
 
 def margin_fields(found: Margins) -> dict[str, object]:
@@ -29,15 +47,7 @@ def margin_fields(found: Margins) -> dict[str, object]:
     """
     record: dict[str, object] = {
         "stable": found.stable,
-        "gain_crossovers": [
-            {"frequency_rad_s": c.frequency, "phase_margin_deg": c.phase_margin_deg, "delay_margin_s": c.delay_margin}
-            for c in found.gain_crossovers
-        ],
-        "phase_crossovers": [
-            {"frequency_rad_s": c.frequency, "gain_margin": c.gain_margin, "gain_margin_db": c.gain_margin_db}
-            for c in found.phase_crossovers[:MOST_CROSSOVERS]
-        ],
-        "phase_crossovers_found": len(found.phase_crossovers),
+        **crossover_fields(found.gain_crossovers, found.phase_crossovers),
         "ms": found.sensitivity.value,
         "ms_frequency_rad_s": found.sensitivity.frequency,
         "mt": found.complementary.value,

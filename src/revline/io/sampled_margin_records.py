@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 from revline.design.controller import PidGains
 from revline.design.sampled_margins import SampledMargins
-from revline.io.margin_records import MOST_CROSSOVERS
+from revline.io.margin_records import controller_fields, crossover_fields
 
 _ROWS = (
     ("gain_margin", "gain may rise by", 1.0, ""),
@@ -27,19 +27,11 @@ def sampled_margin_record(found: SampledMargins, gains: PidGains) -> Mapping[str
     """
     record: dict[str, object] = {
         "loop": found.loop,
-        "controller": {"kp": gains.kp, "ki": gains.ki, "kd": gains.kd, "rule": gains.rule, "designed_on": gains.designed_on},
+        "controller": controller_fields(gains),
         "sampled": True,
         "band_rad_s": list(found.band),
         "samples": found.samples,
-        "gain_crossovers": [
-            {"frequency_rad_s": c.frequency, "phase_margin_deg": c.phase_margin_deg, "delay_margin_s": c.delay_margin}
-            for c in found.gain_crossovers
-        ],
-        "phase_crossovers": [
-            {"frequency_rad_s": c.frequency, "gain_margin": c.gain_margin, "gain_margin_db": c.gain_margin_db}
-            for c in found.phase_crossovers[:MOST_CROSSOVERS]
-        ],
-        "phase_crossovers_found": len(found.phase_crossovers),
+        **crossover_fields(found.gain_crossovers, found.phase_crossovers),
         **found.values,
         "ms_frequency_rad_s": found.sensitivity.frequency,
         "mt_frequency_rad_s": found.complementary.frequency,
