@@ -48,6 +48,12 @@ def lienard_rate(p: Limited, x: Vector, u: Vector, zd: Vector) -> Vector:
     return x[1] + 0.5 * x[0] - (p.gain + 0.5) * beyond + u[0] + 0.0 * zd[0], -x[0]
 
 
+@equation
+def beside_rate(p: Limited, x: Vector, u: Vector, zd: Vector) -> Vector:
+    """The same with two states that rest: at a value, and at 0."""
+    return *lienard_rate(p, x, u, zd), 0.3 - x[2], -x[3]
+
+
 def build(rate: object, parameters: Limited, states: int) -> DelaySystem:
     return DelaySystem(
         name="limited",
@@ -101,6 +107,17 @@ def test_a_piecewise_linear_oscillator_has_its_exact_period_size_and_multiplier(
     assert found.stable
     assert found.certain
     assert found.residual() < 1e-8
+
+
+def test_states_that_rest_change_nothing() -> None:
+    alone = find_kinked_cycle(build(lienard_rate, Limited(1.0), 2), np.zeros(1), guess(6.5, 1.8, 2))
+    start = guess(6.5, 1.8, 2)
+    states = np.column_stack((start.states, np.full(64, 0.3), np.zeros(64)))
+    beside = find_kinked_cycle(build(beside_rate, Limited(1.0), 4), np.zeros(1), CycleGuess(period=6.5, states=states))
+    assert beside.period == pytest.approx(alone.period, rel=1e-9)
+    assert beside.multipliers[0] == pytest.approx(alone.multipliers[0], abs=1e-8)
+    assert max(beside.error, beside.multiplier_error) <= 1e-6
+    assert beside.residual() < 1e-4
 
 
 def errors(system: DelaySystem, start: CycleGuess, exact: tuple[float, float], meet: int) -> Floats:

@@ -44,6 +44,12 @@ def kaplan_yorke_rate(p: Strength, x: Vector, u: Vector, zd: Vector) -> Vector:
 
 
 @equation
+def beside_rate(p: Strength, x: Vector, u: Vector, zd: Vector) -> Vector:
+    """Van der Pol's oscillator with two states that rest: at a value, and at 0."""
+    return *van_der_pol_rate(p, x, u, zd), 0.3 - x[2], -x[3]
+
+
+@equation
 def subcritical_rate(p: Strength, x: Vector, u: Vector, zd: Vector) -> Vector:
     """A circle of radius 1 that is left on both sides."""
     square = x[0] * x[0] + x[1] * x[1]
@@ -87,6 +93,17 @@ def test_van_der_pols_oscillator() -> None:
     assert judged.stable
     assert judged.multipliers.values[0] == pytest.approx(wanted, abs=1e-7)
     assert judged.trivial_error < 1e-6
+
+
+@pytest.mark.parametrize("settings", [FINE, BalanceSettings(tolerance=1e-12, most_harmonics=16)], ids=["by harmonics", "by change"])
+def test_states_that_rest_change_nothing(settings: BalanceSettings) -> None:
+    start = circle(6.3, 2.0)
+    alone = find_cycle(build(van_der_pol_rate, 1.0, 2), np.zeros(1), start, settings=settings)
+    states = np.column_stack((start.states, np.full(16, 0.3), np.zeros(16)))
+    beside = find_cycle(build(beside_rate, 1.0, 4), np.zeros(1), CycleGuess(period=6.3, states=states), settings=settings)
+    assert beside.period == pytest.approx(alone.period, rel=1e-12)
+    assert beside.orbit.harmonics == alone.orbit.harmonics
+    assert beside.error == pytest.approx(alone.error, rel=1e-6)
 
 
 @pytest.mark.parametrize("strength", [1.7, 2.5, 4.0])
