@@ -12,6 +12,7 @@ from revline.dde.simulate import Start, simulate
 from revline.equations import equation
 from revline.errors import InvalidInputError, NotConvergedError
 from revline.system import DelaySystem, Variable
+from tests.analysis.echo import Echo, build_echo
 
 Vector = tuple[float, ...]
 FINE = BalanceSettings(tolerance=1e-10, most_harmonics=256)
@@ -36,11 +37,6 @@ def unit_lag(p: Strength, x: Vector, u: Vector, zd: Vector) -> Vector:  # noqa: 
 @equation
 def van_der_pol_rate(p: Strength, x: Vector, u: Vector, zd: Vector) -> Vector:
     return x[1], p.strength * (1.0 - x[0] * x[0]) * x[1] - x[0] + u[0] + 0.0 * zd[0]
-
-
-@equation
-def kaplan_yorke_rate(p: Strength, x: Vector, u: Vector, zd: Vector) -> Vector:
-    return (-p.strength * zd[0] / (1.0 + zd[0] * zd[0]) + u[0] + 0.0 * x[0],)
 
 
 @equation
@@ -109,7 +105,7 @@ def test_states_that_rest_change_nothing(settings: BalanceSettings) -> None:
 @pytest.mark.parametrize("strength", [1.7, 2.5, 4.0])
 def test_a_delayed_negative_feedback_has_period_four_lags(strength: float) -> None:
     """x' = -f(x(t - 1)) with odd f: Kaplan and Yorke (1974), J. Math. Anal. Appl. 48(2), 317-324; also x(t - 2) = -x(t)."""
-    system = build(kaplan_yorke_rate, strength, 1)
+    system = build_echo(Echo(strength, smooth=1.0), "oscillator")
     found = find_cycle(system, np.zeros(1), circle(4.1, 1.0, states=1), settings=FINE)
     assert found.period == pytest.approx(4.0, abs=1e-9)
     # With y = x(t - 1), ln(1 + x^2) + ln(1 + y^2) stays constant.
@@ -131,7 +127,7 @@ def test_an_unstable_cycle_is_found_and_judged_so() -> None:
 
 
 def test_a_simulation_leads_to_its_cycle() -> None:
-    system = build(kaplan_yorke_rate, 2.5, 1)
+    system = build_echo(Echo(2.5, smooth=1.0), "oscillator")
     run = simulate(system, Start(states=np.array([0.1]), inputs=np.zeros(1)), {}, until=120.0, step=0.01)
     found = find_cycle(system, np.zeros(1), CycleGuess.from_run(run.times, run.states, 4.02))
     assert found.period == pytest.approx(4.0, abs=1e-6)
@@ -139,7 +135,7 @@ def test_a_simulation_leads_to_its_cycle() -> None:
 
 
 def test_a_guess_without_a_cycle_is_an_error() -> None:
-    system = build(kaplan_yorke_rate, 1.2, 1)  # below pi / 2 the equilibrium is stable and there is none
+    system = build_echo(Echo(1.2, smooth=1.0), "oscillator")  # below pi / 2 the equilibrium is stable and there is none
     with pytest.raises(NotConvergedError, match="no limit cycle of oscillator"):
         find_cycle(system, np.zeros(1), circle(4.1, 0.1, states=1))
 
