@@ -16,7 +16,7 @@ for _name in THREADS:
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
 
-MOST_KERNELS = 18
+MOST_KERNELS = 16
 """Kernels that one session may build: each costs seconds where the cache is cold. Parameters and inputs need no new ones."""
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from revline.analysis import cycle_branches
 from revline.analysis.cycle_branches import BranchAxes, Onset, follow_cycles
+from revline.analysis.forced_orbits import FIRST_HARMONICS
 from revline.equations import equation
 from revline.errors import InvalidInputError, NotConvergedError
 from revline.system import DelaySystem, Variable
@@ -52,11 +53,17 @@ def delayed(p: Shape, x: Vector, u: Vector, zd: Vector) -> Vector:  # noqa: ARG0
     return -u[0] * np.sin(zd[0]), x[0] - x[1]
 
 
-def build(rate: object, shape: Shape) -> DelaySystem:
+@equation
+def beside(p: Shape, x: Vector, u: Vector, zd: Vector) -> Vector:
+    """A spiral on the first two states; the third goes to a constant that no binary number is."""
+    return *spiral(p, x, u, zd), 0.3 - x[2]
+
+
+def build(rate: object, shape: Shape, names: tuple[str, ...] = ("across", "along")) -> DelaySystem:
     return DelaySystem(
         name="family",
         parameters=shape,
-        states=tuple(Variable(name=name, unit="m", search_low=-3.0, search_high=3.0) for name in ("across", "along")),
+        states=tuple(Variable(name=name, unit="m", search_low=-3.0, search_high=3.0) for name in names),
         inputs=(Variable(name="gain", unit="1"),),
         channels=(Variable(name="echo", unit="m"),),
         outputs=tuple(Variable(name=name, unit="m") for name in ("seen", "given", "heard")),
@@ -89,6 +96,16 @@ def test_a_delayed_family_begins_softly_with_its_known_curvature() -> None:
     rises = (np.array([point.parameter for point in found]) / np.pi - 1.0) / amplitudes**2
     assert rises == pytest.approx([0.125, 0.125], rel=5e-3)
     assert [point.cycle.period for point in found] == pytest.approx([2.0, 2.0], rel=1e-9)  # four lags: odd feedback
+
+
+def test_a_state_that_rests_asks_for_no_harmonics() -> None:
+    """What rounding leaves of a resting state is no oscillation: the family is as well known as without it."""
+    system = build(beside, Shape(-1.0, 0.0, 0.0), ("across", "along", "aside"))
+    onset = Onset(states=np.array([0.0, 0.0, 0.3]), inputs=np.array([1.0]), frequency=1.0)
+    for point in follow_cycles(system, onset, AXES, np.array([0.1, 0.4])):
+        assert point.parameter == pytest.approx(1.0 + point.amplitude**2, abs=1e-9)
+        assert point.cycle.orbit.harmonics == FIRST_HARMONICS
+        assert point.cycle.error < cycle_branches.TAIL
 
 
 def test_a_family_that_ends_is_given_as_far_as_it_goes(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -28,6 +28,7 @@ class Pushed(NamedTuple):
     decay: float = 0.3
     lag: float = 2.0
     lag_slope: float = 0.0
+    swinging: float = 1.0
 
 
 @equation
@@ -46,13 +47,14 @@ def modulated_rate(p: Pushed, x: Vector, u: Vector, zd: Vector) -> Vector:  # no
 
 
 @equation
-def driven_rate(p: Pushed, x: Vector, u: Vector, zd: Vector) -> Vector:
-    return (u[0] - p.decay * zd[0] - 0.1 * x[0] * x[0] * x[0],)
-
-
-@equation
-def mathieu_rate(p: Pushed, x: Vector, u: Vector, zd: Vector) -> Vector:
-    return x[1], -(1.0 + u[0]) * x[0] - 2.0 * p.decay * x[1] + 0.0 * zd[0]
+def pushed_rate(p: Pushed, x: Vector, u: Vector, zd: Vector) -> Vector:
+    """Mathieu's equation where `swinging` is 1, a delayed feedback of the first state where it is 0: one kernel for both."""
+    swung = x[1], -(1.0 + u[0]) * x[0] - 2.0 * p.decay * x[1]
+    driven = u[0] - p.decay * zd[0] - 0.1 * x[0] * x[0] * x[0], -3.0 * x[1]
+    return (
+        p.swinging * swung[0] + (1.0 - p.swinging) * driven[0],
+        p.swinging * swung[1] + (1.0 - p.swinging) * driven[1],
+    )
 
 
 @equation
@@ -123,7 +125,7 @@ def mathieu_multiplier(decay: float, amplitude: float, omega: float) -> float:
 @pytest.mark.parametrize("amplitude", [0.1, 0.19, 0.21, 0.5])
 def test_parametric_resonance_agrees_with_another_integrator(amplitude: float) -> None:
     """x'' + 2 d x' + (1 + a sin 2 t) x = 0 is unstable from about a = 4 d on."""
-    found = find_floquet_multipliers(build(mathieu_rate, Pushed(decay=0.05), states=2), rest(2.0, amplitude, states=2))
+    found = find_floquet_multipliers(build(pushed_rate, Pushed(decay=0.05), states=2), rest(2.0, amplitude, states=2))
     assert found.largest == pytest.approx(mathieu_multiplier(0.05, amplitude, 2.0), rel=1e-6)
     assert found.stable is (amplitude < 0.2)
     assert found.certain
@@ -141,7 +143,7 @@ def decay_per_period(system: DelaySystem, states: Floats, inputs: Floats, excita
 
 
 def test_a_planted_unstable_orbit_is_found_and_a_perturbed_run_leaves_it() -> None:
-    system = build(mathieu_rate, Pushed(decay=0.05), states=2)
+    system = build(pushed_rate, Pushed(decay=0.05), states=2)
     found = find_floquet_multipliers(system, rest(2.0, 0.5, states=2))
     assert not found.stable
     assert found.largest > 1.2
@@ -159,18 +161,20 @@ def test_a_perturbed_run_nears_the_engines_orbit_by_the_largest_multiplier(engin
 
 def test_a_lag_that_moves_with_the_state_changes_the_multiplier_as_simulated() -> None:
     """With a steep lag the multiplier is that of the simulation, and not that of the same orbit with the lag held."""
-    system = build(driven_rate, Pushed(decay=0.2, lag=0.8, lag_slope=0.5))
+    system = build(pushed_rate, Pushed(decay=0.2, lag=0.8, lag_slope=0.5, swinging=0.0), states=2)
     trim = find_trim(system)
     orbit = balance_harmonics(system, trim, force(0.7), [1.5]).orbits[0]
     found = find_floquet_multipliers(system, orbit, tolerance=1e-9)
     assert found.values[0].imag == 0.0
-    assert decay_per_period(system, trim.states + 0.1, trim.inputs, force(0.7), 1.5) == pytest.approx(found.largest, rel=1e-5)
-    held = build(driven_rate, Pushed(decay=0.2, lag=0.8 + 0.5 * float(np.mean(orbit.states)), lag_slope=0.0))
+    aside = trim.states + np.array([0.1, 0.0])
+    assert decay_per_period(system, aside, trim.inputs, force(0.7), 1.5) == pytest.approx(found.largest, rel=1e-5)
+    mean = float(np.mean(orbit.states[:, 0]))
+    held = build(pushed_rate, Pushed(decay=0.2, lag=0.8 + 0.5 * mean, swinging=0.0), states=2)
     assert abs(find_floquet_multipliers(held, orbit).largest / found.largest - 1.0) > 1e-3
 
 
 def test_an_unresolved_multiplier_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    system = build(mathieu_rate, Pushed(decay=0.05), states=2)
+    system = build(pushed_rate, Pushed(decay=0.05), states=2)
     monkeypatch.setattr(floquet, "MOST_ELEMENTS", 8)
     with pytest.raises(NotConvergedError, match=r"orbit of pushed at 2 rad/s is not resolved with 8 elements"):
         find_floquet_multipliers(system, rest(2.0, 0.5, states=2))
@@ -181,11 +185,11 @@ def test_an_unresolved_multiplier_is_an_error(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_a_multiplier_of_about_one_is_uncertain() -> None:
-    found = find_floquet_multipliers(build(mathieu_rate, Pushed(decay=0.05), states=2), rest(2.0, 0.1, states=2))
+    found = find_floquet_multipliers(build(pushed_rate, Pushed(decay=0.05), states=2), rest(2.0, 0.1, states=2))
     assert not replace(found, values=np.array([1.0 + 0.5 * found.error])).certain
 
 
 @pytest.mark.parametrize(("name", "value"), [("tolerance", 0.0), ("tolerance", 2.0), ("count", 0)])
 def test_wrong_settings_are_refused(name: str, value: float) -> None:
     with pytest.raises(InvalidInputError, match=f"{name} = "):
-        find_floquet_multipliers(build(mathieu_rate, Pushed(), states=2), rest(2.0, 0.1, states=2), **{name: value})  # type: ignore[arg-type]  # one of two
+        find_floquet_multipliers(build(pushed_rate, Pushed(), states=2), rest(2.0, 0.1, states=2), **{name: value})  # type: ignore[arg-type]  # one of two

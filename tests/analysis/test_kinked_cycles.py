@@ -15,15 +15,15 @@ from revline.equations import equation
 from revline.errors import InvalidInputError, NotConvergedError
 from revline.lti.batches import solve_each
 from revline.system import DelaySystem, Floats, Variable
+from tests.analysis.echo import Echo, build_echo
 
 Vector = tuple[float, ...]
 
 
 class Limited(NamedTuple):
-    """Gain of what is limited to -1 to 1, and how the lag depends on the state."""
+    """How steeply the damping rises beyond a state of 1."""
 
     gain: float
-    lag_slope: float = 0.0
 
 
 @equation
@@ -33,12 +33,7 @@ def first_of(p: Limited, x: Vector, u: Vector, zd: Vector) -> Vector:  # noqa: A
 
 @equation
 def lags(p: Limited, x: Vector, u: Vector, zd: Vector) -> Vector:  # noqa: ARG001 - the form of all equations
-    return (1.0 + p.lag_slope * x[0],)
-
-
-@equation
-def delayed_rate(p: Limited, x: Vector, u: Vector, zd: Vector) -> Vector:
-    return (-np.minimum(np.maximum(p.gain * zd[0], -1.0), 1.0) + u[0] + 0.0 * x[0],)
+    return (1.0,)
 
 
 @equation
@@ -46,6 +41,12 @@ def lienard_rate(p: Limited, x: Vector, u: Vector, zd: Vector) -> Vector:
     """x' = y - F(x), y' = -x, F' = -0.5 inside of |x| = 1 and the gain outside."""
     beyond = np.maximum(x[0], 1.0) - 1.0 + np.minimum(x[0], -1.0) + 1.0
     return x[1] + 0.5 * x[0] - (p.gain + 0.5) * beyond + u[0] + 0.0 * zd[0], -x[0]
+
+
+@equation
+def beside_rate(p: Limited, x: Vector, u: Vector, zd: Vector) -> Vector:
+    """The same with two states that rest: at a value, and at 0."""
+    return *lienard_rate(p, x, u, zd), 0.3 - x[2], -x[3]
 
 
 def build(rate: object, parameters: Limited, states: int) -> DelaySystem:
@@ -103,6 +104,17 @@ def test_a_piecewise_linear_oscillator_has_its_exact_period_size_and_multiplier(
     assert found.residual() < 1e-8
 
 
+def test_states_that_rest_change_nothing() -> None:
+    alone = find_kinked_cycle(build(lienard_rate, Limited(1.0), 2), np.zeros(1), guess(6.5, 1.8, 2))
+    start = guess(6.5, 1.8, 2)
+    states = np.column_stack((start.states, np.full(64, 0.3), np.zeros(64)))
+    beside = find_kinked_cycle(build(beside_rate, Limited(1.0), 4), np.zeros(1), CycleGuess(period=6.5, states=states))
+    assert beside.period == pytest.approx(alone.period, rel=1e-9)
+    assert beside.multipliers[0] == pytest.approx(alone.multipliers[0], abs=1e-8)
+    assert max(beside.error, beside.multiplier_error) <= 1e-6
+    assert beside.residual() < 1e-4
+
+
 def errors(system: DelaySystem, start: CycleGuess, exact: tuple[float, float], meet: int) -> Floats:
     """Errors of period and multiplier on 8, 16 and 32 elements."""
     found = [on(system, start, elements, meet) for elements in (8, 16, 32)]
@@ -123,7 +135,7 @@ def test_elements_that_meet_the_kinks_keep_the_order_and_others_lose_it() -> Non
 @pytest.mark.parametrize("gain", [1.8, 2.5, 5.0])
 def test_a_delayed_limited_feedback_has_period_four_lags(gain: float) -> None:
     """x' = -f(x(t - 1)) with odd f: Kaplan and Yorke (1974); here the kinks pass through the channel."""
-    found = find_kinked_cycle(build(delayed_rate, Limited(gain), 1), np.zeros(1), guess(4.1, 0.8), tolerance=1e-8)
+    found = find_kinked_cycle(build_echo(Echo(gain), "limited"), np.zeros(1), guess(4.1, 0.8), tolerance=1e-8)
     assert found.period == pytest.approx(4.0, abs=1e-10)
     level = np.arange(400) / 400
     x = found.output(0, level)
@@ -139,7 +151,7 @@ def test_a_delayed_limited_feedback_has_period_four_lags(gain: float) -> None:
 
 def test_kinks_followed_through_a_channel_raise_the_accuracy() -> None:
     """Negative control: elements that end only where the equations themselves switch do worse than those that meet the echo too."""
-    system = build(delayed_rate, Limited(2.5, lag_slope=0.1), 1)
+    system = build_echo(Echo(2.5, lag_slope=0.1), "limited")
     fine = on(system, guess(4.1, 0.8), 64, 2)
     followed, alone = (abs(on(system, guess(4.1, 0.8), 12, meet).period - fine.period) for meet in (2, 0))
     assert followed < 1e-8
@@ -149,7 +161,7 @@ def test_kinks_followed_through_a_channel_raise_the_accuracy() -> None:
 @pytest.mark.slow
 def test_a_perturbed_simulation_nears_the_cycle_at_the_rate_of_the_largest_multiplier() -> None:
     """With a lag that moves with the state, on a cycle that touches its limits."""
-    system = build(delayed_rate, Limited(1.6, lag_slope=0.3), 1)
+    system = build_echo(Echo(1.6, lag_slope=0.3), "limited")
     found = find_kinked_cycle(system, np.zeros(1), guess(4.1, 1.0), tolerance=1e-8)
     assert found.switches.size > 0
     largest = float(found.multipliers[0].real)

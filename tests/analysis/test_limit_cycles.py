@@ -12,6 +12,7 @@ from revline.dde.simulate import Start, simulate
 from revline.equations import equation
 from revline.errors import InvalidInputError, NotConvergedError
 from revline.system import DelaySystem, Variable
+from tests.analysis.echo import Echo, build_echo
 
 Vector = tuple[float, ...]
 FINE = BalanceSettings(tolerance=1e-10, most_harmonics=256)
@@ -39,8 +40,9 @@ def van_der_pol_rate(p: Strength, x: Vector, u: Vector, zd: Vector) -> Vector:
 
 
 @equation
-def kaplan_yorke_rate(p: Strength, x: Vector, u: Vector, zd: Vector) -> Vector:
-    return (-p.strength * zd[0] / (1.0 + zd[0] * zd[0]) + u[0] + 0.0 * x[0],)
+def beside_rate(p: Strength, x: Vector, u: Vector, zd: Vector) -> Vector:
+    """Van der Pol's oscillator with two states that rest: at a value, and at 0."""
+    return *van_der_pol_rate(p, x, u, zd), 0.3 - x[2], -x[3]
 
 
 @equation
@@ -89,10 +91,21 @@ def test_van_der_pols_oscillator() -> None:
     assert judged.trivial_error < 1e-6
 
 
+@pytest.mark.parametrize("settings", [FINE, BalanceSettings(tolerance=1e-12, most_harmonics=16)], ids=["by harmonics", "by change"])
+def test_states_that_rest_change_nothing(settings: BalanceSettings) -> None:
+    start = circle(6.3, 2.0)
+    alone = find_cycle(build(van_der_pol_rate, 1.0, 2), np.zeros(1), start, settings=settings)
+    states = np.column_stack((start.states, np.full(16, 0.3), np.zeros(16)))
+    beside = find_cycle(build(beside_rate, 1.0, 4), np.zeros(1), CycleGuess(period=6.3, states=states), settings=settings)
+    assert beside.period == pytest.approx(alone.period, rel=1e-12)
+    assert beside.orbit.harmonics == alone.orbit.harmonics
+    assert beside.error == pytest.approx(alone.error, rel=1e-6)
+
+
 @pytest.mark.parametrize("strength", [1.7, 2.5, 4.0])
 def test_a_delayed_negative_feedback_has_period_four_lags(strength: float) -> None:
     """x' = -f(x(t - 1)) with odd f: Kaplan and Yorke (1974), J. Math. Anal. Appl. 48(2), 317-324; also x(t - 2) = -x(t)."""
-    system = build(kaplan_yorke_rate, strength, 1)
+    system = build_echo(Echo(strength, smooth=1.0), "oscillator")
     found = find_cycle(system, np.zeros(1), circle(4.1, 1.0, states=1), settings=FINE)
     assert found.period == pytest.approx(4.0, abs=1e-9)
     # With y = x(t - 1), ln(1 + x^2) + ln(1 + y^2) stays constant.
@@ -114,7 +127,7 @@ def test_an_unstable_cycle_is_found_and_judged_so() -> None:
 
 
 def test_a_simulation_leads_to_its_cycle() -> None:
-    system = build(kaplan_yorke_rate, 2.5, 1)
+    system = build_echo(Echo(2.5, smooth=1.0), "oscillator")
     run = simulate(system, Start(states=np.array([0.1]), inputs=np.zeros(1)), {}, until=120.0, step=0.01)
     found = find_cycle(system, np.zeros(1), CycleGuess.from_run(run.times, run.states, 4.02))
     assert found.period == pytest.approx(4.0, abs=1e-6)
@@ -122,7 +135,7 @@ def test_a_simulation_leads_to_its_cycle() -> None:
 
 
 def test_a_guess_without_a_cycle_is_an_error() -> None:
-    system = build(kaplan_yorke_rate, 1.2, 1)  # below pi / 2 the equilibrium is stable and there is none
+    system = build_echo(Echo(1.2, smooth=1.0), "oscillator")  # below pi / 2 the equilibrium is stable and there is none
     with pytest.raises(NotConvergedError, match="no limit cycle of oscillator"):
         find_cycle(system, np.zeros(1), circle(4.1, 0.1, states=1))
 

@@ -14,9 +14,8 @@ import numpy as np
 
 from revline.analysis.collocation import Collocation, collocation, refine
 from revline.analysis.forced_orbits import FIRST_HARMONICS
-from revline.analysis.harmonic_balance import PeriodicOrbit
 from revline.analysis.jacobians import differentiate, evaluate, find_jacobians, settle_channels
-from revline.analysis.limit_cycles import Cycle
+from revline.analysis.limit_cycles import Cycle, as_orbit, last_harmonics, step_scales
 from revline.analysis.orbit_equations import LinearOrbits, Misses, OrbitEquations, Orbits
 from revline.errors import InvalidInputError, NotConvergedError, out_of_range
 from revline.system import DelaySystem, Floats
@@ -184,7 +183,7 @@ class _Family:
         """Find the cycle with an amplitude, with as many harmonics as it needs; None where Newton's method fails."""
         while True:
             solved = self._newton(member, amplitude)
-            if solved is None or _tail(solved) <= TAIL or 2 * member.mesh.harmonics > MOST_HARMONICS:
+            if solved is None or last_harmonics(solved.mesh, solved.orbits) <= TAIL or 2 * member.mesh.harmonics > MOST_HARMONICS:
                 return solved
             member = solved.on(collocation(2 * member.mesh.harmonics))
 
@@ -198,7 +197,7 @@ class _Family:
                 return None
             states, turn, change = step[:-2].reshape(orbits.states.shape), step[-2], step[-1]
             omega, value = float(orbits.omega[0]), self.parameter(orbits)
-            size = max(float(np.max(np.abs(states) / equations.scales(orbits))), abs(turn) / omega, abs(change) / abs(value))
+            size = max(float(np.max(np.abs(states) / step_scales(equations, orbits))), abs(turn) / omega, abs(change) / abs(value))
             if not (size <= LARGEST_STEP and omega + turn > 0.0):
                 return None
             moved = replace(orbits, omega=orbits.omega + turn, states=orbits.states + states, readings=orbits.readings + readings)
@@ -244,16 +243,8 @@ class _Family:
 
     def point(self, member: _Member) -> BranchPoint:
         orbits = member.orbits
-        outputs = evaluate(self.system, self.system.output, orbits.states, orbits.inputs, orbits.readings)[0]
-        orbit = PeriodicOrbit(
-            omega=float(orbits.omega[0]),
-            phases=member.mesh.phases,
-            inputs=orbits.inputs[0],
-            states=orbits.states[0],
-            readings=orbits.readings[0],
-            outputs=outputs,
-        )
-        cycle = Cycle(orbit=orbit, error=_tail(member), last_step=member.last_step)
+        orbit = as_orbit(self.system, member.mesh, orbits)
+        cycle = Cycle(orbit=orbit, error=last_harmonics(member.mesh, orbits), last_step=member.last_step)
         return BranchPoint(parameter=self.parameter(orbits), amplitude=member.amplitude, cycle=cycle)
 
 
@@ -324,10 +315,3 @@ def _foretell(family: _Family, before: _Member, last: _Member, amplitude: float)
         readings=orbits.readings + ahead * (orbits.readings - earlier.readings),
     )
     return _Member(last.mesh, family.with_parameter(moved, value), amplitude)
-
-
-def _tail(member: _Member) -> float:
-    """Largest of the last two harmonics of a state, by its largest."""
-    sizes = np.abs(member.mesh.coefficients(member.orbits.states[0]))[1:]
-    largest = np.max(sizes, axis=0)
-    return float(np.max(sizes[-2:] / np.maximum(largest, 1e-300)))

@@ -19,6 +19,7 @@ from revline.analysis.jacobians import differentiate, evaluate
 from revline.analysis.kinks import PiecewiseCycle, find_extremes, find_kinks
 from revline.analysis.limit_cycles import NO_SWING, CycleGuess
 from revline.analysis.monodromy import Monodromy, linearise_along
+from revline.analysis.orbit_equations import swing_scales
 from revline.analysis.pieces import DEGREE, Pieces
 from revline.errors import InvalidInputError, NotConvergedError, out_of_range
 from revline.lti.batches import solve_each
@@ -123,7 +124,8 @@ class KinkedCycle:
         x, zd = PiecewiseCycle(self.pieces, self.period, self.states, self.readings).points(self.system, self.inputs, middles)
         rates = evaluate(self.system, self.system.rate, x, np.tile(self.inputs, (middles.size, 1)), zd)
         missed = self.pieces.slope_reading(middles) @ self.states / self.period - rates
-        return float(np.max(np.max(np.abs(missed), axis=0) / np.max(np.abs(rates), axis=0)))
+        floor = swing_scales(self.system, self.states) / self.period  # of states that rest
+        return float(np.max(np.max(np.abs(missed), axis=0) / np.maximum(np.max(np.abs(rates), axis=0), floor)))
 
     def extremes(self, position: int) -> tuple[float, float]:
         """Lowest and highest value of an output over the cycle, between the nodes too."""
@@ -212,7 +214,7 @@ class _Found:
         """Logarithm of the period, and lowest and highest value of each state; by what their changes are judged."""
         states = self.solved.states
         ends = np.array([find_extremes(self._reader(k), self.pieces) for k in range(states.shape[1])])
-        swings = ends[:, 1] - ends[:, 0]
+        swings = np.maximum(ends[:, 1] - ends[:, 0], swing_scales(self.system, states))
         return np.concatenate(([np.log(self.solved.period)], ends.ravel())), np.concatenate(([1.0], np.repeat(swings, 2)))
 
     def _reader(self, column: int) -> Callable[[Floats], Floats]:
@@ -296,9 +298,9 @@ def _solve(system: DelaySystem, inputs: Floats, solved: PiecewiseCycle) -> Piece
         step = solve_each(matrix, -right)
         states = step[: pieces.count * n_states].reshape(pieces.count, n_states)
         readings = step[pieces.count * n_states : -1].reshape(solved.readings.shape)
-        scales = np.maximum(np.ptp(solved.states, axis=0), 1e-300)
+        scales = swing_scales(system, solved.states)
         before, size = size, max(float(np.max(np.abs(states) / scales)), abs(float(step[-1])) / solved.period)
-        resting = np.max(scales / np.maximum(np.max(np.abs(solved.states), axis=0), 1e-300)) <= NO_SWING
+        resting = np.max(np.ptp(solved.states, axis=0) / np.maximum(np.max(np.abs(solved.states), axis=0), 1e-300)) <= NO_SWING
         if resting or not (np.isfinite(size) and solved.period + step[-1] > 0.0):
             break
         solved = PiecewiseCycle(pieces, solved.period + float(step[-1]), solved.states + states, solved.readings + readings)
@@ -333,7 +335,7 @@ def _equations(system: DelaySystem, inputs: Floats, solved: PiecewiseCycle, fram
     lower_x[own, :, own, :] += drift[..., None] * lags_x
     lower_z = -np.einsum("jcn,ncb->jcnb", reading, emit_z)
     lower_z[own, :, own, :] += drift[..., None] * lags_z + np.eye(n_channels)
-    scale = np.maximum(np.ptp(x, axis=0), 1e-300) ** 2
+    scale = swing_scales(system, x) ** 2
     matrix = np.block(
         [
             [upper_x.reshape(count * n_states, -1), upper_z.reshape(count * n_states, -1), -rates.reshape(-1, 1)],

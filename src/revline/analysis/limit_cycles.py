@@ -16,7 +16,8 @@ from revline.analysis.floquet import FloquetMultipliers, find_floquet_multiplier
 from revline.analysis.forced_orbits import FIRST_HARMONICS
 from revline.analysis.harmonic_balance import BalanceSettings, PeriodicOrbit
 from revline.analysis.jacobians import evaluate
-from revline.analysis.orbit_equations import LinearOrbits, Misses, OrbitEquations, Orbits
+from revline.analysis.orbit_equations import LinearOrbits, Misses, OrbitEquations, Orbits, swing_scales
+from revline.analysis.orbit_newton import ROUNDING
 from revline.errors import InvalidInputError, NotConvergedError, out_of_range
 from revline.lti.batches import solve_each
 from revline.system import DelaySystem, Floats
@@ -157,11 +158,12 @@ def find_cycle(system: DelaySystem, inputs: Floats, guess: CycleGuess, *, settin
     while True:
         orbits, last_step = _solve(OrbitEquations(system=system, mesh=mesh), orbits)
         measures = np.array([orbits.omega[0], *np.ptp(orbits.states[0], axis=0)])
-        tail = _tail(mesh, orbits)
-        change = np.inf if before is None else float(np.max(np.abs(measures - before) / np.abs(measures)))
+        sizes = np.append(measures[:1], swing_scales(system, orbits.states[0]))
+        tail = last_harmonics(mesh, orbits)
+        change = np.inf if before is None else float(np.max(np.abs(measures - before) / sizes))
         error = tail if tail <= settings.tolerance or before is None else change
         if error <= settings.tolerance or 2 * mesh.harmonics > settings.most_harmonics:
-            return Cycle(orbit=_as_orbit(system, mesh, orbits), error=error, last_step=last_step)
+            return Cycle(orbit=as_orbit(system, mesh, orbits), error=error, last_step=last_step)
         before, fine = measures, collocation(2 * mesh.harmonics)
         orbits = Orbits(
             omega=orbits.omega,
@@ -258,8 +260,8 @@ def _solve(equations: OrbitEquations, orbits: Orbits) -> tuple[Orbits, float]:
     orbits, misses = equations.settle(orbits)
     size = np.inf
     for _ in range(MOST_STEPS):
-        scales = equations.scales(orbits)[0]
-        if np.all(scales <= NO_SWING * np.max(np.abs(orbits.states[0]), axis=0)):
+        scales = step_scales(equations, orbits)[0]
+        if np.all(np.ptp(orbits.states[0], axis=0) <= NO_SWING * np.max(np.abs(orbits.states[0]), axis=0)):
             raise _at_rest(equations.system, orbits)
         border = _Border.form(equations, orbits, reference / scales**2)
         step = border.step(misses)
@@ -272,7 +274,7 @@ def _solve(equations: OrbitEquations, orbits: Orbits) -> tuple[Orbits, float]:
 
 def _shorten(equations: OrbitEquations, border: _Border, orbits: Orbits, step: _Step) -> tuple[Orbits, Misses]:
     """Make so much of a step that the one that would follow is smaller."""
-    scales, omega = equations.scales(orbits)[0], float(orbits.omega[0])
+    scales, omega = step_scales(equations, orbits)[0], float(orbits.omega[0])
     size, part = step.size(scales, omega), 1.0
     while part >= SHORTEST_STEP:
         tried, misses = equations.settle(step.added_to(orbits, part))
@@ -282,15 +284,23 @@ def _shorten(equations: OrbitEquations, border: _Border, orbits: Orbits, step: _
     raise _not_found(equations.system, orbits, size)
 
 
-def _tail(mesh: Collocation, orbits: Orbits) -> float:
-    """Largest of the last two harmonics of a state, by its largest."""
+def step_scales(equations: OrbitEquations, orbits: Orbits) -> Floats:
+    """How far each state swings, or so much of its value that a step of the tolerance is not lost in rounding, shape (n, n_states)."""
+    least = ROUNDING / STEP_TOLERANCE * np.max(np.abs(orbits.states), axis=1)
+    scales: Floats = np.maximum(equations.scales(orbits), least)
+    return scales
+
+
+def last_harmonics(mesh: Collocation, orbits: Orbits) -> float:
+    """Largest of the last two harmonics of a state, by its largest; a state that rests has none."""
     sizes = np.abs(mesh.coefficients(orbits.states[0]))[1:]
     largest = np.max(sizes, axis=0)
     moving = largest > NO_SWING * np.max(largest)
     return float(np.max(sizes[-2:, moving] / largest[moving], initial=0.0))
 
 
-def _as_orbit(system: DelaySystem, mesh: Collocation, orbits: Orbits) -> PeriodicOrbit:
+def as_orbit(system: DelaySystem, mesh: Collocation, orbits: Orbits) -> PeriodicOrbit:
+    """Give the first of some orbits with its outputs."""
     outputs = evaluate(system, system.output, orbits.states, orbits.inputs, orbits.readings)[0]
     return PeriodicOrbit(
         omega=float(orbits.omega[0]),

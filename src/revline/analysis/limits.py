@@ -6,16 +6,13 @@ on it is known; how far it is follows from where, as one argument moves over its
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from revline.analysis.jacobians import COMPLEX_STEP
+from revline.analysis.jacobians import COMPLEX_STEP, Matrix
+from revline.analysis.switching import compare
 from revline.equations import Equation
 from revline.system import DelaySystem, Floats, Variable
-
-Complexes = NDArray[np.complex128]
 
 SAMPLES = 65
 """Values of an argument on each side of the point at which comparisons are made; a limit met twice between two is met by none."""
@@ -50,22 +47,6 @@ class Limit:
             f"{self.argument} = {self.at:.6g} {self.unit}, {abs(self.change):.3g} {self.unit} {'above' if self.change > 0.0 else 'below'}"
         )
         return f"a limit of {self.results[0]} begins near by, at {where} this point"
-
-
-class _Watched(np.lib.mixins.NDArrayOperatorsMixin):
-    """A value with its derivatives that writes down what it is compared with, and remembers on which comparisons it depends."""
-
-    def __init__(self, values: Complexes, log: list[Complexes], limits: frozenset[int] = frozenset()) -> None:
-        self.values, self._log, self.limits = values, log, limits
-
-    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: object, **_: object) -> "_Watched":
-        watched = [item for item in inputs if isinstance(item, _Watched)]
-        raw: list[Any] = [item.values if isinstance(item, _Watched) else item for item in inputs]
-        limits = frozenset[int]().union(*(item.limits for item in watched))
-        if ufunc in {np.minimum, np.maximum} and method == "__call__":
-            limits |= {len(self._log)}
-            self._log.append(np.asarray(np.subtract(raw[0], raw[1]), dtype=np.complex128))
-        return _Watched(np.asarray(ufunc(*raw), dtype=np.complex128), self._log, limits)
 
 
 def find_limits(system: DelaySystem, arguments: Floats, spans: Floats) -> tuple[Limit, ...]:
@@ -115,19 +96,14 @@ def _equations(system: DelaySystem) -> Sequence[tuple[Equation, list[str]]]:
     )
 
 
-def _moved(arguments: Floats) -> Complexes:
+def _moved(arguments: Floats) -> Matrix:
     """The arguments once for each of them, that one with an imaginary step."""
     return np.asarray(arguments + 1j * COMPLEX_STEP * np.eye(arguments.size))
 
 
-def _compare(system: DelaySystem, function: Equation, points: Complexes) -> tuple[list[Complexes], list[frozenset[int]]]:
+def _compare(system: DelaySystem, function: Equation, points: Matrix) -> tuple[list[Matrix], list[frozenset[int]]]:
     """All differences compared in an equation at some points, and those on which each result depends."""
-    log: list[Complexes] = []
-    parts = np.split(np.arange(points.shape[1]), np.cumsum((len(system.states), len(system.inputs))))
-    with np.errstate(all="ignore"):
-        results = function(system.parameters, *(tuple(_Watched(points[:, j], log) for j in part) for part in parts))
-    gaps = [np.broadcast_to(gap, (len(points),)) for gap in log]
-    return gaps, [result.limits if isinstance(result, _Watched) else frozenset() for result in results]
+    return compare(system, function, np.split(points, np.cumsum((len(system.states), len(system.inputs))), axis=1))
 
 
 def _ends(variable: Variable, value: float, span: float) -> tuple[float, float]:

@@ -147,10 +147,7 @@ class OrbitEquations:
 
     def scales(self, orbits: Orbits) -> Floats:
         """How far each state swings, by which its changes are judged, shape (n, n_states)."""
-        swing = np.ptp(orbits.states, axis=1)
-        floor = 1e-9 * np.array([search_scale(variable) for variable in self.system.states])
-        scales: Floats = np.maximum(swing, floor)
-        return scales
+        return swing_scales(self.system, orbits.states)
 
     def inside(self, orbits: Orbits) -> NDArray[np.bool_]:
         """Whether all states of an orbit keep within their ranges, shape (n,)."""
@@ -248,3 +245,15 @@ class NewtonSolver:
         states = -(self.inverse @ right.reshape(n, -1, 1))
         readings = (self.linear.deliveries.by_states @ states).reshape(excess.shape) - excess
         return states.reshape(right.shape), readings
+
+
+def swing_scales(system: DelaySystem, states: Floats) -> Floats:
+    """How far each state swings, by which its changes are judged; of one that rests, a billionth of its search range.
+
+    Args:
+        system: gives the ranges.
+        states: samples, shape (..., N, n_states).
+    """
+    floor = 1e-9 * np.array([search_scale(variable) for variable in system.states])
+    scales: Floats = np.maximum(np.ptp(states, axis=-2), floor)
+    return scales

@@ -4,30 +4,51 @@ Equations are made of smooth functions and of `np.minimum` and `np.maximum`, so 
 of one of these cross. The difference of the arguments is recorded while an equation is evaluated: no threshold is needed to see a kink.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 
+from revline.analysis.jacobians import Matrix
+from revline.equations import Equation
 from revline.system import DelaySystem, Floats
 
-SWITCHES = frozenset({"minimum", "maximum"})
+SWITCHES = frozenset({np.minimum, np.maximum})
 """The functions whose derivatives jump."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class _Watched(NDArrayOperatorsMixin):
-    """An array that tells a list of every comparison that it takes part in."""
+    """Values that write down what they are compared with, and remember on which comparisons they depend."""
 
-    values: Any
-    seen: list[Floats] = field(repr=False)
+    def __init__(self, values: Any, log: list[Matrix], switches: frozenset[int] = frozenset()) -> None:
+        self.values, self._log, self.switches = values, log, switches
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **options: Any) -> "_Watched":
         plain = [item.values if isinstance(item, _Watched) else item for item in inputs]
-        if ufunc.__name__ in SWITCHES:
-            self.seen.append(np.asarray(plain[0] - plain[1], dtype=float))
-        return _Watched(getattr(ufunc, method)(*plain, **options), self.seen)
+        switches = frozenset[int]().union(*(item.switches for item in inputs if isinstance(item, _Watched)))
+        if ufunc in SWITCHES:
+            switches |= {len(self._log)}
+            self._log.append(np.asarray(plain[0] - plain[1]))
+        return _Watched(getattr(ufunc, method)(*plain, **options), self._log, switches)
+
+
+def compare(system: DelaySystem, function: Equation, arguments: Sequence[Matrix]) -> tuple[list[Matrix], list[frozenset[int]]]:
+    """Evaluate what decides the switches of one of a system's equations.
+
+    Args:
+        system: gives the parameters.
+        function: its emit, lags, rate or output.
+        arguments: states, inputs and channel readings, real or complex, each of shape (n, number of them).
+
+    Returns:
+        The first argument less the second of each minimum and maximum, of shape (n,); and for each result those that it depends on.
+    """
+    log: list[Matrix] = []
+    with np.errstate(all="ignore"):
+        results = function(system.parameters, *(tuple(_Watched(v[:, k], log) for k in range(v.shape[1])) for v in arguments))
+    gaps = [np.broadcast_to(gap, (arguments[0].shape[0],)) for gap in log]
+    return gaps, [result.switches if isinstance(result, _Watched) else frozenset() for result in results]
 
 
 def switching_values(system: DelaySystem, x: Floats, u: Floats, zd: Floats) -> Floats:
@@ -42,11 +63,8 @@ def switching_values(system: DelaySystem, x: Floats, u: Floats, zd: Floats) -> F
     Returns:
         Shape (n, n_switches); a switch that cannot happen, its limit being infinite, has infinite values.
     """
-    seen: list[Floats] = []
-    with np.errstate(all="ignore"):
-        for function in (system.emit, system.lags, system.rate):
-            function(system.parameters, *(tuple(_Watched(v[:, k], seen) for k in range(v.shape[1])) for v in (x, u, zd)))
-    found = np.empty((x.shape[0], len(seen)))
-    for k, values in enumerate(seen):
+    gaps = [gap for function in (system.emit, system.lags, system.rate) for gap in compare(system, function, (x, u, zd))[0]]
+    found = np.empty((x.shape[0], len(gaps)))
+    for k, values in enumerate(gaps):
         found[:, k] = values
     return found
