@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """Try every command of revline as a user would, and check values, files, exit statuses and messages.
 
-Usage: check_commands.py [REVLINE] [--self-test] [--only=FILE]. What is tried stands in commands/*.toml, taken in the order of their names;
---only tries one of them, by its name without the ending. REVLINE is the program, by default the `revline` beside this Python or on the
+Usage: check_commands.py [REVLINE] [--self-test] [--only=FILE]. What is tried stands in commands/*.toml. The commands of one file run one
+after the other in a folder of its own, and as many files side by side as there are processors; --only tries one of them, by its name
+without the ending. REVLINE is the program, by default the `revline` beside this Python or on the
 path. Exits 0 when all hold, prints each line that falls short, then 'N passed, M failed'. With --self-test each answer is also altered on
 purpose (a number moved, an exit status changed, a traceback added), and an altered answer that passes counts as a failure.
 Standard library only. Values: K. Lee, MSc thesis, University of Southern California, 1995, and converged computations.
@@ -12,6 +13,7 @@ import copy
 import csv
 import json
 import math
+import os
 import shutil
 import signal
 import subprocess
@@ -19,6 +21,8 @@ import sys
 import tempfile
 import time
 import tomllib
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -145,6 +149,13 @@ class Checker:
         self.passed += not faults
         self.failures += [f"{title}: {fault}" for fault in faults]
 
+    def take(self, title: str, step: Callable[[], None]) -> None:
+        """Let a step record what it finds, and whatever it meets."""
+        try:
+            step()
+        except Exception as error:  # noqa: BLE001 - a checker reports, whatever it met
+            self.record(title, [f"could not be checked: {error!r}"])
+
     def must_fail(self, title: str, what: str, faults: list[str]) -> None:
         """Count an altered answer: it must have faults."""
         self.record(title, [] if faults else [f"self-test: {what} was not noticed"])
@@ -197,7 +208,7 @@ def read_rows(path: Path) -> list[dict[str, str]]:
 
 
 def check_files(checker: Checker) -> None:
-    """The files that the commands above wrote hold what they said."""
+    """The files that the commands of 10_basics.toml wrote hold what they said."""
     folder = checker.folder
     faults = []
     rows = read_rows(folder / "map.csv")
@@ -216,12 +227,14 @@ def check_files(checker: Checker) -> None:
     whole, first, later = (read_rows(folder / f"{name}.csv") for name in ("whole", "run", "later"))
     if whole != first + later:
         faults.append("a run that was continued is not, digit for digit, the run that did not stop")
-    if (folder / "refused.csv").exists() or (folder / "refused").exists():
-        faults.append("a refused command left a file")
-    left = sorted(path.name for path in folder.rglob("*.part"))
-    if left:
-        faults.append(f"parts of files are left: {left}")
     checker.record("files written", faults)
+
+
+def check_left(checker: Checker) -> None:
+    """No command left a file that it should not."""
+    faults = [f"a refused command left {path.name}" for path in checker.folder.glob("refused*")]
+    faults += [f"a part of a file is left: {path.name}" for path in checker.folder.rglob("*.part")]
+    checker.record(f"files left in {checker.folder.name}", faults)
 
 
 def interrupt_study(checker: Checker, out: Path) -> Done:
@@ -300,20 +313,9 @@ def check_help(checker: Checker, tried: frozenset[str]) -> None:
         checker.record(f"revline {name} --help", faults)
 
 
-def read_cases(folder: Path, only: str) -> dict[str, Any]:
-    """What the files of a folder ask for, in the order of their names; two files that name the same file to be made are a mistake."""
-    cases: dict[str, Any] = {"value": [], "refusal": [], "engines": {}, "files": {}}
-    for path in sorted(folder.glob(f"{only}.toml")):
-        for part, found in tomllib.loads(path.read_text()).items():
-            if isinstance(found, list):
-                cases[part] += found
-                continue
-            twice = cases[part].keys() & found.keys()
-            if twice:
-                message = f"{path.name} makes {sorted(twice)}, as a file before it does"
-                raise ValueError(message)
-            cases[part] |= found
-    return cases
+def read_cases(path: Path) -> dict[str, Any]:
+    """What a file asks for."""
+    return {"value": [], "refusal": [], "engines": {}, "files": {}, **tomllib.loads(path.read_text())}
 
 
 def read_values(cases: dict[str, Any]) -> list[Value]:
@@ -322,11 +324,6 @@ def read_values(cases: dict[str, Any]) -> list[Value]:
         Value((*case["command"].split(), "--json"), tuple(tuple(entry) for entry in case["expected"]), tuple(case.get("absent", ())))
         for case in cases["value"]
     ]
-
-
-def read_refusals(cases: dict[str, Any]) -> list[Refusal]:
-    """Commands that must fail."""
-    return [Refusal(tuple(case["command"].split()), case["status"], tuple(case["words"])) for case in cases["refusal"]]
 
 
 def prepare_files(folder: Path, cases: dict[str, Any], engine: str) -> None:
@@ -357,31 +354,46 @@ def find_program(given: list[str]) -> list[str]:
     return [str(Path(found).absolute())] if Path(found).exists() else [found]
 
 
+def check_cases(checker: Checker, cases: dict[str, Any], engine: str) -> None:
+    """Try what one file asks for, each command even where one before it failed."""
+    prepare_files(checker.folder, cases, engine)
+    for value in read_values(cases):
+        checker.take(str(value), partial(checker.try_value, value))
+    for case in cases["refusal"]:
+        refusal = Refusal(tuple(case["command"].split()), case["status"], tuple(case["words"]))
+        checker.take(str(refusal), partial(checker.try_refusal, refusal))
+    if checker.folder.name == "10_basics":
+        checker.take("files written", partial(check_files, checker))
+    checker.take("files left", partial(check_left, checker))
+
+
 def main(arguments: list[str]) -> int:
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell that starts this in the background has it ignored, by children too
     program = find_program([argument for argument in arguments if not argument.startswith("--")])
     only = next((argument.removeprefix("--only=") for argument in arguments if argument.startswith("--only=")), "*")
-    cases = read_cases(HERE / "commands", only)
-    values, refusals = read_values(cases), read_refusals(cases)
-    with tempfile.TemporaryDirectory(prefix="revline-") as name:
-        checker = Checker(program, Path(name), self_test="--self-test" in arguments)
-        engine = checker.run(("engines", "lee1995"))
-        checker.record("revline engines lee1995", check_frame(engine, 0))
-        prepare_files(checker.folder, cases, engine.out)
-        steps = [partial(checker.try_value, value) for value in values]
-        steps += [partial(checker.try_refusal, case) for case in refusals]
+    cases = {path.stem: read_cases(path) for path in sorted((HERE / "commands").glob(f"{only}.toml"))}
+    with tempfile.TemporaryDirectory(prefix="revline-") as name, ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+        start = partial(Checker, program, self_test="--self-test" in arguments)
+        checkers = [start(Path(name))]
+        engine = checkers[0].run(("engines", "lee1995"))
+        checkers[0].record("revline engines lee1995", check_frame(engine, 0))
+        jobs: dict[str, Callable[[Checker], None]] = {
+            key: partial(check_cases, cases=asked, engine=engine.out) for key, asked in cases.items()
+        }
         if only == "*":
-            steps.insert(0, partial(check_help, checker, frozenset(value.arguments[0] for value in values)))
-            steps += [partial(check_files, checker), partial(check_study_command, checker)]
-        for step in steps:
-            try:
-                step()
-            except Exception as error:  # noqa: BLE001 - a checker reports, whatever it met
-                checker.record(str(step.args[-1]), [f"could not be checked: {error!r}"])
-    for line in checker.failures:
+            tried = frozenset(value.arguments[0] for asked in cases.values() for value in read_values(asked))
+            jobs = {"study_command": check_study_command, "help": partial(check_help, tried=tried), **jobs}
+        running = []
+        for key, job in jobs.items():
+            checkers.append(start(Path(name) / key))
+            checkers[-1].folder.mkdir()
+            running.append(pool.submit(checkers[-1].take, key, partial(job, checkers[-1])))
+        _ = [ended.result() for ended in running]
+    failures = [failure for checker in checkers for failure in checker.failures]
+    for line in failures:
         print(line)
-    print(f"{checker.passed} passed, {len(checker.failures)} failed")
-    return int(bool(checker.failures))
+    print(f"{sum(checker.passed for checker in checkers)} passed, {len(failures)} failed")
+    return int(bool(failures))
 
 
 if __name__ == "__main__":

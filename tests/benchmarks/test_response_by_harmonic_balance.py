@@ -1,8 +1,5 @@
-"""The routes that the benchmark compares lead to the same response, and it tells which budget is missed."""
+"""The routes that the benchmark compares lead to the same response, and an error of one would be seen."""
 
-import importlib.util
-import sys
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -10,19 +7,12 @@ import pytest
 
 from revline.analysis.trim import find_trim
 from revline.engine.lee1995 import lee1995
-
-SCRIPT = Path(__file__).parents[2] / "benchmarks" / "response_by_harmonic_balance.py"
+from tests.benchmarks.loading import load_script
 
 
 @pytest.fixture(scope="module")
 def script() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("response_by_harmonic_balance", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    return load_script("response_by_harmonic_balance")
 
 
 def test_all_routes_give_one_response_within_their_accuracy(script: ModuleType) -> None:

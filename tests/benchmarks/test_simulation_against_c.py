@@ -1,8 +1,6 @@
 """The C program against a plain Python integration of revline's own equations by the same scheme."""
 
-import importlib.util
 import math
-import sys
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -13,19 +11,12 @@ import pytest
 from revline.engine.lee1995 import LEE_1995, EngineParameters, lee1995
 from revline.io.engine_vectors import write_engine_vector
 from revline.system import DelaySystem
-
-SCRIPT = Path(__file__).parents[2] / "benchmarks" / "simulation_against_c.py"
+from tests.benchmarks.loading import load_script
 
 
 @pytest.fixture(scope="module")
 def script() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("simulation_against_c", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    return load_script("simulation_against_c")
 
 
 @pytest.fixture(scope="module")

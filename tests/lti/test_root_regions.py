@@ -43,6 +43,7 @@ def test_roots_within_a_rectangle(build: Build) -> None:
     assert len(wanted) == 3
     assert sorted(found.roots, key=abs) == pytest.approx(sorted(wanted, key=abs), abs=1e-10)
     assert found.counted == int(np.sum(exact.real > -3.0))
+    assert found.errors.shape == found.roots.shape
 
 
 def test_systems_without_delay_and_without_roots(build: Build) -> None:

@@ -16,7 +16,6 @@ from revline.lti.response import Floats
 from revline.lti.state_space import DelayStateSpace
 from revline.values import make_read_only
 
-Flags = NDArray[np.bool_]
 Counts = tuple[int, ...]
 
 MOST_BREAKPOINTS = 20_000

@@ -88,9 +88,7 @@ def to_control(model: DelayStateSpace | TransferFunction, *, order: int, low: fl
     if not 0.0 < low < high < math.inf:
         message = f"a band from {low:g} to {high:g} rad/s cannot be compared over; give two rising frequencies above 0"
         raise InvalidInputError(message, low=low, high=high)
-    exact = (
-        to_state_space(model, input_name=model.input_name, output_name=model.output_name) if isinstance(model, TransferFunction) else model
-    )
+    exact = _as_state_space(model)
     rational = approximate_lags(exact, order)
     poles = np.linalg.eigvals(rational.A).astype(complex)
     error, frequency, row, column = _largest_error(exact, rational, low, high)

@@ -7,6 +7,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from revline.errors import InvalidInputError, NotConvergedError
 from revline.lti.feedback import feedback_blocks
@@ -45,8 +46,8 @@ class Region:
             message = f"a region {edges} cannot be searched; give a finite left edge, and edges that rise"
             raise InvalidInputError(message, left=self.left)
 
-    def holds(self, roots: Complexes) -> Complexes:
-        """Keep the roots inside.
+    def holds(self, roots: Complexes) -> NDArray[np.bool_]:
+        """Tell which roots lie inside.
 
         Raises:
             NotConvergedError: a root lies on an edge.
@@ -60,8 +61,7 @@ class Region:
                     message = f"the root {root:.6g} rad/s lies on the region's edge at {edge:g} rad/s; move that edge"
                     raise NotConvergedError(message, edge=edge)
             inside &= (low < part) & (part < high)
-        kept: Complexes = roots[inside]
-        return kept
+        return inside
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,7 +71,7 @@ class RootsInRegion:
     Attributes:
         region: where they were sought.
         roots: in rad/s.
-        errors: how well each root right of the region's left edge is known, in rad/s.
+        errors: how well each is known, in rad/s.
         counted: roots right of the left edge, by the argument principle; as many were found.
         spectral_abscissa: real part of the right-most root of all that lie right of the edge; of none, the edge, which lies right of it.
     """
@@ -117,10 +117,11 @@ def find_roots_in(system: DelayStateSpace, region: Region) -> RootsInRegion:
         listed = int(np.sum(right))
         message = f"{listed} roots were found right of {region.left:g} rad/s where {counted} are counted; move the left edge right"
         raise NotConvergedError(message, found=listed, counted=counted)
+    inside = region.holds(found.roots[right])
     return RootsInRegion(
         region=region,
-        roots=region.holds(found.roots[right]),
-        errors=found.errors[right],
+        roots=found.roots[right][inside],
+        errors=found.errors[right][inside],
         counted=counted,
         spectral_abscissa=found.spectral_abscissa,
     )
