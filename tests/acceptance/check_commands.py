@@ -372,6 +372,8 @@ def main(arguments: list[str]) -> int:
     program = find_program([argument for argument in arguments if not argument.startswith("--")])
     only = next((argument.removeprefix("--only=") for argument in arguments if argument.startswith("--only=")), "*")
     cases = {path.stem: read_cases(path) for path in sorted((HERE / "commands").glob(f"{only}.toml"))}
+    if not cases:
+        raise SystemExit(f"there is no commands/{only}.toml to try")
     with tempfile.TemporaryDirectory(prefix="revline-") as name, ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
         start = partial(Checker, program, self_test="--self-test" in arguments)
         checkers = [start(Path(name))]
@@ -390,9 +392,7 @@ def main(arguments: list[str]) -> int:
             running.append(pool.submit(checkers[-1].take, key, partial(job, checkers[-1])))
         _ = [ended.result() for ended in running]
     failures = [failure for checker in checkers for failure in checker.failures]
-    for line in failures:
-        print(line)
-    print(f"{sum(checker.passed for checker in checkers)} passed, {len(failures)} failed")
+    print("\n".join([*failures, f"{sum(checker.passed for checker in checkers)} passed, {len(failures)} failed"]))
     return int(bool(failures))
 
 
