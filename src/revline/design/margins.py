@@ -144,7 +144,7 @@ def find_margins(loop: OpenLoop, *, low: float = 1e-3) -> Margins:
     grid, followed = follow(lambda w: _values(loop, w)[None], start, delay=loop.delay, name=f"the loop {loop.name}")
     values = followed[0]
     unity = roots_between(lambda w: np.abs(_values(loop, w)) - 1.0, grid, np.abs(values) - 1.0)
-    turns = roots_between(lambda w: _values(loop, w).imag, grid, values.imag)
+    turns = roots_between(lambda w: _phase_sine(_values(loop, w)), grid, _phase_sine(values))
     return Margins(
         loop=loop.name,
         stable=loop.stable,
@@ -165,6 +165,10 @@ def find_margins(loop: OpenLoop, *, low: float = 1e-3) -> Margins:
 
 def _values(loop: OpenLoop, omega: Floats) -> Complexes:
     return np.asarray(loop.transfer(1j * omega))
+
+
+def _phase_sine(values: Complexes) -> Floats:
+    return np.asarray(values.imag / np.abs(values))
 
 
 def _at(loop: OpenLoop, omega: float) -> complex:
