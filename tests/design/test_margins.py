@@ -192,7 +192,6 @@ def test_a_resonance_that_only_just_passes_1_has_both_its_crossovers(resonance: 
     assert find_margins(open_loop_of_model(below, pid(1.0))).gain_crossovers == ()
 
 
-
 @pytest.mark.parametrize("zero", np.geomspace(0.5, 2.0, 12))
 @pytest.mark.parametrize("excess", [1e-3, 1e-6])
 def test_a_phase_that_only_just_passes_180_degrees_has_both_its_crossovers(zero: float, excess: float) -> None:
