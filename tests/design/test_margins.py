@@ -175,3 +175,30 @@ def test_unfit_questions_are_refused() -> None:
     silent = to_state_space(TransferFunction(numerator=(0.0,), denominator=(1.0, 1.0)), input_name="throttle", output_name="engine_speed")
     with pytest.raises(AnalysisError, match="no phase at high frequency"):
         open_loop_of_system(silent, pid(1.0))
+
+
+@pytest.mark.parametrize("resonance", np.geomspace(3.0, 9.0, 12))
+@pytest.mark.parametrize("excess", [1e-3, 1e-6])
+def test_a_resonance_that_only_just_passes_1_has_both_its_crossovers(resonance: float, excess: float) -> None:
+    """L = k w0^2/(s^2 + 2 z w0 s + w0^2) is 1 in size where ((w/w0)^2 - 1 + 2 z^2)^2 = k^2 - 4 z^2 (1 - z^2)."""
+    z = 0.2
+    top = 2.0 * z * math.sqrt(1.0 - z**2)
+    gain = top * (1.0 + excess)
+    plant = TransferFunction(numerator=(gain,), denominator=(1.0, 2.0 * z / resonance, 1.0 / resonance**2))
+    found = [crossover.frequency for crossover in find_margins(open_loop_of_model(plant, pid(1.0))).gain_crossovers]
+    spread = math.sqrt(gain**2 - top**2)
+    assert found == pytest.approx([resonance * math.sqrt(1.0 - 2.0 * z**2 + side * spread) for side in (-1.0, 1.0)], rel=1e-8)
+    below = TransferFunction(numerator=(top * (1.0 - excess),), denominator=plant.denominator)
+    assert find_margins(open_loop_of_model(below, pid(1.0))).gain_crossovers == ()
+
+
+@pytest.mark.parametrize("zero", np.geomspace(0.5, 2.0, 12))
+@pytest.mark.parametrize("excess", [1e-3, 1e-6])
+def test_a_phase_that_only_just_passes_180_degrees_has_both_its_crossovers(zero: float, excess: float) -> None:
+    """L = (s + z)^2/(s^3 (s/p + 1)^2): its phase is -180 deg where w^2 - (p - z) w + z p = 0."""
+    pole = (3.0 + math.sqrt(8.0)) * zero * (1.0 + excess)
+    plant = TransferFunction(numerator=(zero**2, 2.0 * zero, 1.0), denominator=(0.0, 0.0, 0.0, 1.0, 2.0 / pole, pole**-2))
+    found = [crossover.frequency for crossover in find_margins(open_loop_of_model(plant, pid(1.0))).phase_crossovers]
+    middle = 0.5 * (pole - zero)
+    spread = math.sqrt(middle**2 - zero * pole)
+    assert found == pytest.approx([middle - spread, middle + spread], rel=1e-8)

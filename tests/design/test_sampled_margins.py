@@ -169,3 +169,15 @@ def test_what_is_refused() -> None:
     turning = replace(whole, values=values, turns=count_turns(values, np.degrees(-whole.omega * 1e6)))
     with pytest.raises(InvalidInputError, match="turns the loop too fast to be followed"):
         find_sampled_margins(turning, pid(1.0), delay=1e6)
+
+
+def test_a_resonance_that_only_just_passes_1_has_both_its_crossovers() -> None:
+    """As in the exact margins: L = k w0^2/(s^2 + 2 z w0 s + w0^2) passes 1 by 1e-8, where the interpolation is better than that."""
+    z, excess = 0.2, 1e-8
+    top = 2.0 * z * math.sqrt(1.0 - z**2)
+    spread = top * math.sqrt((1.0 + excess) ** 2 - 1.0)
+    for resonance in (3.0, 3.0175, 3.03):  # the last two have both between neighbours of the grid
+        plant = TransferFunction(numerator=(top * (1.0 + excess),), denominator=(1.0, 2.0 * z / resonance, 1.0 / resonance**2))
+        found = find_sampled_margins(sample(plant, np.geomspace(0.1, 40.0, 2400)), pid(1.0)).gain_crossovers
+        wanted = [resonance * math.sqrt(1.0 - 2.0 * z**2 + side * spread) for side in (-1.0, 1.0)]
+        assert [crossover.frequency for crossover in found] == pytest.approx(wanted, rel=1e-6)

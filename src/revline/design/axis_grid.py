@@ -26,6 +26,9 @@ SIZE_STEP = 0.2
 MOST_POINTS = 400_000
 """Most frequencies on the grid."""
 
+ROUNDING = 1e-12
+"""A function of size 1 that passes 0 by no more than this between neighbours has not passed it for certain."""
+
 MOST_PEAKS = 8
 """So many of the largest points of a grid are improved, each between its neighbours."""
 
@@ -72,17 +75,35 @@ def follow(evaluate: Callable[[Floats], Complexes], grid: Floats, *, delay: Seco
 
 
 def roots_between(function: Callable[[Floats], Floats], grid: Floats, values: Floats) -> Floats:
-    """Find the root of a real function between each two neighbours at which it changes its sign, all at once.
+    """Find the roots of a real function over a grid, all at once: also the two of a peak that only just passes 0 between neighbours.
 
     Args:
-        function: frequencies of shape (n,) to values of shape (n,).
-        grid: frequencies, rising.
+        function: frequencies of shape (n,) to values of shape (n,), of size 1 near its roots.
+        grid: frequencies above 0, rising, between whose neighbours the function has at most one peak.
         values: the function there.
     """
+    grid, values = _with_passing_peaks(function, grid, values)
     changes = np.flatnonzero((values[1:] > 0.0) != (values[:-1] > 0.0))
     if not changes.size:
         return np.array([])
     return np.asarray(find_root(function, (grid[changes], grid[changes + 1])).x)
+
+
+def _with_passing_peaks(function: Callable[[Floats], Floats], grid: Floats, values: Floats) -> tuple[Floats, Floats]:
+    """Add the peaks towards 0 that pass it although no point of the grid does."""
+    sides = np.where(values > 0.0, 1.0, -1.0)
+    sizes = sides * values
+    alike = (sides[:-2] == sides[1:-1]) & (sides[2:] == sides[1:-1])
+    at = np.flatnonzero(alike & (sizes[1:-1] < sizes[:-2]) & (sizes[1:-1] <= sizes[2:])) + 1
+    if not at.size:
+        return grid, values
+    logarithm = np.log(grid)
+    brackets = (logarithm[at - 1], logarithm[at], logarithm[at + 1])
+    result = find_minimum(lambda x, side: side * function(np.exp(x)), brackets, args=(sides[at],))
+    passed = result.f_x < -ROUNDING
+    peaks = np.exp(result.x[passed])
+    places = np.searchsorted(grid, peaks)
+    return np.insert(grid, places, peaks), np.insert(values, places, sides[at][passed] * result.f_x[passed])
 
 
 def highest(function: Callable[[Floats], Floats], grid: Floats, sizes: Floats) -> tuple[float, float]:

@@ -144,12 +144,12 @@ def find_margins(loop: OpenLoop, *, low: float = 1e-3) -> Margins:
     grid, followed = follow(lambda w: _values(loop, w)[None], start, delay=loop.delay, name=f"the loop {loop.name}")
     values = followed[0]
     unity = roots_between(lambda w: np.abs(_values(loop, w)) - 1.0, grid, np.abs(values) - 1.0)
-    turns = roots_between(lambda w: _values(loop, w).imag, grid, values.imag)
+    turns = roots_between(lambda w: phase_sine(_values(loop, w)), grid, phase_sine(values))
     return Margins(
         loop=loop.name,
         stable=loop.stable,
         unstable_poles=loop.unstable_poles,
-        gain_crossovers=tuple(_gain_crossover(float(w), complex(v)) for w, v in zip(unity, _values(loop, unity), strict=True)),
+        gain_crossovers=tuple(gain_crossover(float(w), complex(v)) for w, v in zip(unity, _values(loop, unity), strict=True)),
         phase_crossovers=tuple(
             PhaseCrossover(frequency=float(w), gain_margin=1.0 / abs(complex(v)))
             for w, v in zip(turns, _values(loop, turns), strict=True)
@@ -165,6 +165,11 @@ def find_margins(loop: OpenLoop, *, low: float = 1e-3) -> Margins:
 
 def _values(loop: OpenLoop, omega: Floats) -> Complexes:
     return np.asarray(loop.transfer(1j * omega))
+
+
+def phase_sine(values: Complexes) -> Floats:
+    """Give the sine of the phase of values that are not 0, shape (n,): it changes its sign where they are real."""
+    return np.asarray(values.imag / np.abs(values))
 
 
 def _at(loop: OpenLoop, omega: float) -> complex:
@@ -195,7 +200,8 @@ def _top(loop: OpenLoop, low: float) -> float:
     return float(grid[above[-1] + 1]) if above.size else float(grid[1])
 
 
-def _gain_crossover(omega: float, value: complex) -> GainCrossover:
+def gain_crossover(omega: float, value: complex) -> GainCrossover:
+    """Give the margins at a frequency in rad/s from the loop's value of magnitude 1 there."""
     above = math.atan2(-value.imag, -value.real)  # phase of -L: phase above -180 degrees
     return GainCrossover(frequency=omega, phase_margin_deg=math.degrees(above), delay_margin=(above % (2.0 * math.pi)) / omega)
 

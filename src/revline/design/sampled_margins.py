@@ -16,10 +16,10 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.optimize.elementwise import find_minimum, find_root
 
+from revline.design.axis_grid import highest, roots_between
 from revline.design.controller import PidGains
-from revline.design.margins import GainCrossover, Peak, PhaseCrossover
+from revline.design.margins import GainCrossover, Peak, PhaseCrossover, gain_crossover, phase_sine
 from revline.errors import InvalidInputError
 from revline.lti.response import FrequencyResponse
 from revline.units import DEGREE
@@ -213,24 +213,15 @@ def _interpolate(omega: Floats, table: Floats, delay: float, gains: PidGains) ->
 
 
 def _crossovers(loop: _Loop, values: Complexes) -> tuple[tuple[GainCrossover, ...], tuple[PhaseCrossover, ...]]:
-    unity = _roots(lambda w: np.abs(loop(w)) - 1.0, loop.grid, np.abs(values) - 1.0)
-    turns = _roots(lambda w: loop(w).imag, loop.grid, values.imag)
-    gain, phase = [], []
-    for w, v in zip(unity, loop(unity), strict=True):
-        above = math.atan2(-v.imag, -v.real)
-        delay = (above % (2.0 * math.pi)) / float(w)
-        gain.append(GainCrossover(frequency=float(w), phase_margin_deg=above / DEGREE, delay_margin=delay))
-    for w, v in zip(turns, loop(turns), strict=True):
-        if v.real < 0.0:
-            phase.append(PhaseCrossover(frequency=float(w), gain_margin=1.0 / abs(complex(v))))
-    return tuple(gain), tuple(phase)
-
-
-def _roots(function: Callable[[Floats], Floats], grid: Floats, values: Floats) -> Floats:
-    changes = np.flatnonzero((values[1:] > 0.0) != (values[:-1] > 0.0))
-    if not changes.size:
-        return np.array([])
-    return np.asarray(find_root(function, (grid[changes], grid[changes + 1])).x)
+    unity = roots_between(lambda w: np.abs(loop(w)) - 1.0, loop.grid, np.abs(values) - 1.0)
+    turns = roots_between(lambda w: phase_sine(loop(w)), loop.grid, phase_sine(values))
+    gain = tuple(gain_crossover(float(w), complex(v)) for w, v in zip(unity, loop(unity), strict=True))
+    phase = tuple(
+        PhaseCrossover(frequency=float(w), gain_margin=1.0 / abs(complex(v)))
+        for w, v in zip(turns, loop(turns), strict=True)
+        if v.real < 0.0
+    )
+    return gain, phase
 
 
 def _peaks(loop: _Loop, values: Complexes) -> tuple[Peak, Peak, Peak]:
@@ -243,16 +234,8 @@ def _peaks(loop: _Loop, values: Complexes) -> tuple[Peak, Peak, Peak]:
 
 
 def _peak(loop: _Loop, values: Complexes, measure: Callable[[Complexes], Complexes]) -> Peak:
-    """Largest magnitude on the grid, improved between the neighbours of the largest point."""
-    sizes = np.abs(measure(values))
-    top = int(np.argmax(sizes))
-    found = Peak(value=float(sizes[top]), frequency=float(loop.grid[top]))
-    if top in (0, sizes.size - 1):
-        return found
-    low, middle, high = np.log(loop.grid[top - 1 : top + 2])
-    result = find_minimum(lambda x: -np.abs(measure(loop(np.exp(x)))), (low, middle, high))
-    better = Peak(value=-float(result.f_x), frequency=math.exp(float(result.x)))
-    return better if better.value > found.value else found
+    value, frequency = highest(lambda w: np.abs(measure(loop(w))), loop.grid, np.abs(measure(values)))
+    return Peak(value=value, frequency=frequency)
 
 
 def _half(found: SampledMargins, response: FrequencyResponse, table: Floats, gains: PidGains, first: int) -> Mapping[str, float]:
