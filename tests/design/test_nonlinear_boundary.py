@@ -8,10 +8,13 @@ from revline.analysis.trim import find_trim
 from revline.design import nonlinear_boundary
 from revline.design.closed_loop import Limits
 from revline.design.controller import PidGains
-from revline.design.nonlinear_boundary import BoundarySearch, StepCase, _Bisection, _Ray, find_nonlinear_boundary
+from revline.design.gain_region import Window, find_gain_region
+from revline.design.loop_family import family_of_model
+from revline.design.nonlinear_boundary import BoundarySearch, StepCase, _Bisection, _Ray, _rays, find_nonlinear_boundary
 from revline.design.outcome import Diverged, LimitCycle, Outcome, Settled
 from revline.engine.lee1995 import lee1995
 from revline.errors import InvalidInputError, NotConvergedError, NotSettledError
+from revline.lti.transfer_function import TransferFunction
 
 SETTLED = Settled(value=0.0, steady_error=0.0, residual=0.0)
 DIVERGED = Diverged(time=1.0, value=1.0, bound=1.0)
@@ -149,3 +152,17 @@ def test_unfit_questions_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(nonlinear_boundary, "DOWN", (3.0,))
     with pytest.raises(NotConvergedError, match="no ray of 1 met a boundary of lee1995; the first: the loop does not settle at 3"):
         find_nonlinear_boundary(engine, trim, StepCase(command=60.0, limits=THROTTLE), search=BoundarySearch(rays=1, longest=20.0))
+
+
+def test_a_ray_that_does_not_meet_the_linear_boundary_is_named() -> None:
+    """Two lags without delay set kp no upper limit: steep rays meet the boundary, flat ones never do, and none is dropped in silence."""
+    lags = TransferFunction(numerator=(12.0,), denominator=(1.0, 0.55, 0.034), input_unit="deg", output_unit="rad/s")
+    linear = find_gain_region(family_of_model(lags), Window(kp_low=-0.1, kp_high=1.0, ki_high=40.0))
+    rays, lost = _rays(linear, 16)
+    assert len(rays) + len(lost) == 16
+    assert rays
+    assert lost
+    ratio = 0.55 / 0.034  # ki/kp of the boundary 0.034 ki = 0.55 (kp + 1/12), far out
+    assert all(ray.ki / ray.kp > ratio for ray in rays)
+    assert all(ray.ki / ray.kp < ratio for ray in lost)
+    assert all("does not meet the linear boundary" in ray.reason for ray in lost)

@@ -115,7 +115,7 @@ class LostRay:
     """A ray without a boundary point, and why.
 
     Attributes:
-        kp, ki: of the linear boundary on this ray.
+        kp, ki: of the linear boundary on this ray, or the ray's direction where it does not meet that.
         reason: in words.
     """
 
@@ -191,7 +191,7 @@ def find_nonlinear_boundary(
     target = find_trim(plant, inputs=held, outputs={wires.measurement: speed + case.command}, free=(wires.drive,))
     name = f"{plant.name} at {target.input(wires.drive):.4g} {_unit(trim, wires)}"
     linear = find_gain_region(family_of_system(linearize(plant, target).model, kd=case.kd, name=name))
-    rays = _rays(linear, search.rays)
+    rays, lost = _rays(linear, search.rays)
 
     def settle(gains: PidGains, until: float) -> Outcome:
         longer = LoopTask(command=task.command, until=until, step=task.step)
@@ -201,7 +201,7 @@ def find_nonlinear_boundary(
         return _Bisection(ray, _gains(trim, wires, case.kd), settle, search, tell).find()
 
     outcomes = run_each(follow, rays, lambda _: 1.0, workers=workers, progress=progress)
-    points, lost = [], []
+    points = []
     for ray, outcome in zip(rays, outcomes, strict=True):
         if not isinstance(outcome, Failure):
             points.append(outcome)
@@ -210,7 +210,7 @@ def find_nonlinear_boundary(
         else:
             lost.append(LostRay(kp=ray.kp, ki=ray.ki, reason=str(outcome.error)))
     if not points:
-        message = f"no ray of {len(rays)} met a boundary of {plant.name}; the first: {lost[0].reason}"
+        message = f"no ray of {search.rays} met a boundary of {plant.name}; the first: {lost[0].reason}"
         raise NotConvergedError(message)
     return NonlinearBoundary(
         plant=plant.name,
@@ -239,8 +239,8 @@ def _gains(trim: Trim, wires: LoopSignals, kd: float) -> Callable[[float, float]
     return make
 
 
-def _rays(linear: GainRegion, count: int) -> list[_Ray]:
-    """Directions over positive gains, each taken to the linear boundary."""
+def _rays(linear: GainRegion, count: int) -> tuple[list[_Ray], list[LostRay]]:
+    """Directions over positive gains, each taken to the linear boundary; those that do not meet it are lost."""
     rim = linear.rim & (linear.kp > 0.0)
     if not np.any(rim):
         message = (
@@ -249,14 +249,17 @@ def _rays(linear: GainRegion, count: int) -> list[_Ray]:
         )
         raise NotConvergedError(message)
     kp, ki = float(np.max(linear.kp[rim])), float(np.max(linear.ki[rim]))
-    rays = []
+    rays: list[_Ray] = []
+    lost: list[LostRay] = []
     for angle in (np.arange(count) + 0.5) * (0.5 * math.pi / count):
         p, i = kp * math.cos(angle), ki * math.sin(angle)
         crossings = place_gains(linear, p, i).crossings
         if crossings:
             first = crossings[0]
             rays.append(_Ray(first.factor * p, first.factor * i, first.frequency))
-    return rays
+        else:
+            lost.append(LostRay(kp=p, ki=i, reason="it does not meet the linear boundary, which gives a ray its scale"))
+    return rays, lost
 
 
 @dataclass(slots=True)
