@@ -13,6 +13,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, NamedTuple, ParamSpec
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -206,9 +207,9 @@ def add_legend(figure: Figure, *, columns: int = 0) -> None:
 
 def _columns(labels: tuple[str, ...], width: float) -> int:
     """As many columns as fit a width in inches; a character is 0.07 in wide on average, a handle with its gaps 0.56 in."""
+    sizes = [len(label) for label in labels]
     for columns in range(len(labels), 1, -1):
-        rows = math.ceil(len(labels) / columns)
-        widths = [0.56 + 0.07 * max(map(len, labels[k : k + rows])) for k in range(0, len(labels), rows)]
+        widths = [0.56 + 0.07 * float(part.max()) for part in np.array_split(sizes, columns)]  # as matplotlib fills them
         if sum(widths) < width - 0.2:
             return columns
     return 1
