@@ -23,7 +23,7 @@ speeds = st.lists(st.floats(0.0, 1000.0), min_size=1, max_size=40)
 
 
 def make(gains: PidGains = C2D, **changes: Any) -> SampledController:
-    values = {"low": LOW, "high": HIGH, "sampling": FixedRate(period=PERIOD)} | changes
+    values: dict[str, Any] = {"low": LOW, "high": HIGH, "sampling": FixedRate(period=PERIOD)} | changes
     return sampled_pid(PidController(gains=gains, **values), output=REST, measurement=SPEED)
 
 
