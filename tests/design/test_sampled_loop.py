@@ -14,7 +14,7 @@ from revline.dde.simulate import Options
 from revline.design.closed_loop import OF_LINEAR_MODEL, Limits, LoopTask, OperatingPoint, operating_point, run_loop
 from revline.design.controller import PidGains
 from revline.design.linear_plant import linear_plant
-from revline.design.pid_controller import AntiWindup, PidController
+from revline.design.pid_controller import AntiWindup, Continuous, PidController
 from revline.design.sampled_loop import Disturbance, SampledRun, SampledTask, run_sampled_loop, with_command
 from revline.engine.lee1995 import lee1995
 from revline.errors import InvalidInputError, StoppedError
@@ -38,8 +38,8 @@ GAINS = PidGains(kp=0.8, ki=1.5, kd=0.02, input_unit="rad/s", output_unit="deg",
 def run_lag(controller: PidController, **changes: Any) -> SampledRun:
     plant = linear_plant(MODEL, base_input=BASE, base_output=REST)
     point = OperatingPoint(states=np.zeros(len(plant.states)), inputs={"input": BASE}, measurement=REST)
-    task = SampledTask(**({"command": signals.step(10.0), "until": 1.0, "step": 2e-3} | changes))
-    return run_sampled_loop(plant, point, controller, task, wires=OF_LINEAR_MODEL)
+    values: dict[str, Any] = {"command": signals.step(10.0), "until": 1.0, "step": 2e-3} | changes
+    return run_sampled_loop(plant, point, controller, SampledTask(**values), wires=OF_LINEAR_MODEL)
 
 
 class ExactLag:
@@ -64,7 +64,8 @@ class ExactLag:
 def replay(run: SampledRun, times_of: Any) -> ExactLag:
     """Run the controller's equations in Python against the exact lag."""
     code, lag = run.code, ExactLag()
-    p, count = code.parameters, len(code.states)
+    p, count, sampling = code.parameters, len(code.states), run.controller.sampling
+    assert not isinstance(sampling, Continuous)
     xd = code.start(p, (REST,), (REST,), (BASE,))
     for k, elapsed in enumerate(run.sampled.elapsed):
         time = times_of(k, lag)
@@ -72,7 +73,7 @@ def replay(run: SampledRun, times_of: Any) -> ExactLag:
         assert run.sampled.measurements[k, 0] == pytest.approx(lag.output(time), rel=1e-9)
         result = code.update(p, xd, (lag.output(time),), (REST + 10.0,), (elapsed,))
         xd = result[:count]
-        lag.drive(time + run.controller.sampling.computation_delay, result[count])
+        lag.drive(time + sampling.computation_delay, result[count])
     return lag
 
 
