@@ -15,6 +15,7 @@ import typer
 
 from revline import __version__
 from revline.cli import (
+    accept_command,
     compare_command,
     engine_commands,
     limit_cycle_command,
@@ -125,6 +126,12 @@ COMMANDS = (
         limit_cycle_command.limit_cycle,
         "The orbit that a speed loop hunts in, and its onset.",
         "revline limit-cycle c1.json --throttle 25 --onset",
+    ),
+    Entry(
+        "accept",
+        accept_command.accept,
+        "A controller's verdict on the sampled, noisy engine.",
+        "revline accept c2d.json --throttle 15,25,35 --load 0,20 --out verdict.json",
     ),
     Entry("study", study_commands.study, "The whole study into a folder, with its report.", "revline study --out out"),
     Entry("report", study_commands.report, "Make a study's report again.", "revline report out"),

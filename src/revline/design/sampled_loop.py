@@ -4,6 +4,7 @@ The controller sees the measurement at its samples only, with noise and at shift
 output is held. Source: Astrom and Wittenmark (1997), Computer-Controlled Systems, chapters 3 and 9.
 """
 
+import functools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -77,6 +78,7 @@ def _counter(unit: str) -> DelaySystem:
     )
 
 
+@functools.lru_cache(maxsize=64)
 def with_command(plant: DelaySystem, measurement: str) -> DelaySystem:
     """Add to a plant what a sampled controller reads beside it: a command, and the crank's angle where a speed is measured.
 
