@@ -26,6 +26,7 @@ from revline.cli import (
     model_commands,
     nu_gap_command,
     region_command,
+    relay_command,
     response_command,
     simulate_command,
     spectra_command,
@@ -126,6 +127,12 @@ COMMANDS = (
         limit_cycle_command.limit_cycle,
         "The orbit that a speed loop hunts in, and its onset.",
         "revline limit-cycle c1.json --throttle 25 --onset",
+    ),
+    Entry(
+        "relay",
+        relay_command.relay,
+        "Ultimate gain by a relay, by the exact model and by bisection.",
+        "revline relay --throttle 25 --amplitude 1",
     ),
     Entry(
         "accept",
