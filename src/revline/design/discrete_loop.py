@@ -32,11 +32,12 @@ Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 Transfer = Callable[[Complexes], Complexes]
 
-ALIASES = 40
-"""Terms of the sum to each side; for a plant that falls with the square of the frequency what is left out falls with its square."""
+FEWEST_ALIASES, MOST_ALIASES = 40, 5120
+"""Terms of the sum to each side, doubled until what is left out is small: it falls with their number to the power of the plant's excess
+of poles over zeros."""
 
-LARGEST_LEFT_OUT = 1e-4
-"""What is left out of the sum, as a part of the sum, must be below this where the loop gain matters."""
+LARGEST_LEFT_OUT = 1e-5
+"""What is left out of the sum, as a part of the sum."""
 
 LOWEST_SHARE = 1e-6
 """The loop is followed from this part of half the sampling frequency on; below, integral action alone decides."""
@@ -68,7 +69,7 @@ class DiscreteMargins:
         margins: crossovers, peaks and the closed loop's roots outside the unit circle ("unstable").
         period: between samples, in s.
         equivalent_delay: half a period and the computation delay, in s: what a continuous loop needs more to be like this one.
-        left_out: largest part of the sum over aliases that was left out, where the loop gain is above a tenth.
+        left_out: part of the sum over aliases that was left out, at most: the difference that half of them make.
     """
 
     margins: Margins
@@ -136,7 +137,7 @@ def find_discrete_margins(plant: SampledPlant, controller: PidController, *, spe
         if ours != theirs:
             message = f"the controller has {what} in {ours} and {plant.name} in {theirs}; convert the gains"
             raise InvalidInputError(message)
-    loop = _Loop(plant.transfer, controller, period, computation)
+    loop = SampledLoop(plant.transfer, controller, period, computation)
     half = math.pi / period
     start = np.concatenate([np.geomspace(LOWEST_SHARE * half, 0.1 * half, 120), np.linspace(0.1 * half, half * (1.0 - 1e-9), 120)[1:]])
     name = f"the sampled loop of {plant.name} under {controller.gains.rule}"
@@ -161,11 +162,7 @@ def find_discrete_margins(plant: SampledPlant, controller: PidController, *, spe
         searched=(float(grid[0]), half),
         points=grid.size,
     )
-    left_out = loop.left_out(grid[np.abs(values) > 0.1])
-    if left_out > LARGEST_LEFT_OUT:
-        limit = f"periods at which the sum over {ALIASES} aliases settles to {LARGEST_LEFT_OUT:g}; it is {left_out:.2g} off here"
-        raise out_of_range("sampling period", period, "s", limit, "sample faster, or a plant that falls faster with frequency")
-    return DiscreteMargins(margins=margins, period=period, equivalent_delay=period / 2.0 + computation, left_out=left_out)
+    return DiscreteMargins(margins=margins, period=period, equivalent_delay=period / 2.0 + computation, left_out=loop.left_out)
 
 
 def _timing(controller: PidController, speed: float | None) -> tuple[float, float]:
@@ -182,27 +179,46 @@ def _timing(controller: PidController, speed: float | None) -> tuple[float, floa
     return sampling.period_at(speed), sampling.computation_delay
 
 
-class _Loop:
-    """The open loop in the frequency of the samples."""
+class SampledLoop:
+    """The open loop in the frequency of the samples: called with frequencies in rad/s of shape (n,), it gives its values there.
+
+    Args:
+        transfer: of the plant, on complex s of shape (n,).
+        controller: its law and filter.
+        period: between samples, in s.
+        computation: delay of the output, in s.
+
+    Raises:
+        InvalidInputError: the sum over aliases does not settle at this period.
+    """
 
     def __init__(self, transfer: Transfer, controller: PidController, period: float, computation: float) -> None:
         self._transfer, self._controller = transfer, controller
         self._period, self._computation = period, computation
+        self._aliases, self.left_out = self._choose_aliases()
 
     def __call__(self, omega: Floats) -> Complexes:
-        return self._control(omega) * self._plant(omega, ALIASES)
+        """Evaluate the open loop."""
+        return self._control(omega) * self._plant(omega, self._aliases)
 
     def characteristic(self, omega: Floats) -> Complexes:
         """1 + L without the integral's pole on the unit circle."""
         pole = -np.expm1(-1j * omega * self._period) if self._controller.gains.ki != 0.0 else 1.0
         return np.asarray((1.0 + self(omega)) * pole)
 
-    def left_out(self, omega: Floats) -> float:
-        """Largest difference that half of the aliases make, as a part of the sum; what is left out of all of them is below it."""
-        if omega.size == 0:
-            return 0.0
-        whole = self._plant(omega, ALIASES)
-        return float(np.max(np.abs(self._plant(omega, ALIASES // 2) - whole) / np.abs(whole)))
+    def _choose_aliases(self) -> tuple[int, float]:
+        """Double the number of aliases until half of them make no difference; give it, and what it leaves out at most."""
+        half = math.pi / self._period
+        probes = np.array([0.01, 0.1, 0.3, 0.6, 0.9, 1.0]) * half
+        aliases, values, left_out = FEWEST_ALIASES, self._plant(probes, FEWEST_ALIASES // 2), math.inf
+        while aliases <= MOST_ALIASES:
+            finer = self._plant(probes, aliases)
+            left_out = float(np.max(np.abs(finer - values) / np.abs(finer)))
+            if left_out <= LARGEST_LEFT_OUT:
+                return aliases, left_out
+            aliases, values = 2 * aliases, finer
+        limit = f"periods at which the sum over {MOST_ALIASES} aliases settles to {LARGEST_LEFT_OUT:g}; it is {left_out:.2g} off here"
+        raise out_of_range("sampling period", self._period, "s", limit, "sample faster, or a plant that falls faster with frequency")
 
     def _control(self, omega: Floats) -> Complexes:
         """The sampled law from error to output: backward sum, backward difference behind the filter. Source: `pid_update`."""
@@ -224,7 +240,7 @@ class _Loop:
         return np.asarray(-np.expm1(-1j * omega * period) / period * np.sum(terms[:, order], axis=1))
 
 
-def _phase_crossovers(loop: _Loop, omega: Floats) -> tuple[PhaseCrossover, ...]:
+def _phase_crossovers(loop: SampledLoop, omega: Floats) -> tuple[PhaseCrossover, ...]:
     """Where the loop is real and negative; at half the sampling frequency it is real in any case."""
     values = loop(omega)
     return tuple(
@@ -232,6 +248,6 @@ def _phase_crossovers(loop: _Loop, omega: Floats) -> tuple[PhaseCrossover, ...]:
     )
 
 
-def _peak(loop: _Loop, measure: Callable[[Complexes], Complexes], grid: Floats, values: Complexes) -> Peak:
+def _peak(loop: SampledLoop, measure: Callable[[Complexes], Complexes], grid: Floats, values: Complexes) -> Peak:
     value, frequency = highest(lambda w: np.abs(measure(loop(w))), grid, np.abs(measure(values)))
     return Peak(value=value, frequency=frequency)

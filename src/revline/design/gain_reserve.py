@@ -149,14 +149,15 @@ def _ending(
         before, last = _swings(run)[-2:].tolist()
         if last <= QUIET * abs(search.command) + 2.0 * controller.measurement_step or last < FADING * before:
             return Ending.RESTS, math.inf
-        if last >= before:
+        if last >= before and math.isfinite(_period(run)):
             return Ending.HUNTS, _period(run)
         until *= 2.0
     run = _try(plant, point, controller, replace(search, until=until), wires)
     if run is None:
         return Ending.HUNTS, math.inf
     before, last = _swings(run)[-2:].tolist()
-    return (Ending.HUNTS, _period(run)) if last > STEADY * before else (Ending.RESTS, math.inf)
+    hunts = last > STEADY * before and math.isfinite(_period(run))  # what creeps without oscillating does not hunt
+    return (Ending.HUNTS, _period(run)) if hunts else (Ending.RESTS, math.inf)
 
 
 def _try(
