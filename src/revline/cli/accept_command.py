@@ -14,7 +14,7 @@ from revline.cli.shell import Facts, Grid, Shell
 from revline.errors import InvalidInputError
 
 if TYPE_CHECKING:
-    from revline.design.acceptance import Acceptance
+    from revline.design.acceptance import Acceptance, Battery
     from revline.design.pid_controller import PidController
     from revline.system import DelaySystem
 
@@ -22,48 +22,71 @@ PERIOD = 0.005
 """Seconds between samples where neither the file nor an option says when the controller runs."""
 
 
+ControllerArgument = Annotated[Path, typer.Argument(metavar="CONTROLLER.json", help="Controller file.")]
+ThrottleListOption = Annotated[str, typer.Option("--throttle", metavar="A1,A2,..", help="Throttle angles of the trims [deg].")]
+LoadListOption = Annotated[str, typer.Option("--load", metavar="T1,T2,..", help="Load torques of the trims [N m]; each with each angle.")]
+PeriodOption = Annotated[
+    float | None, typer.Option("--period", metavar="S", help="Sampling period [s], where the file names none; 0.005 by default.")
+]
+CrankAngleOption = Annotated[
+    float | None, typer.Option("--crank-angle", metavar="RAD", help="Sample each so many radians of the crank instead [rad].")
+]
+ComputationDelayOption = Annotated[
+    float, typer.Option("--computation-delay", metavar="S", help="Time from a sample to its output [s], with the two above.")
+]
+LowOption = Annotated[
+    float | None, typer.Option("--low", metavar="DEG", help="Lower limit of the throttle [deg]; else the file's, else 0.")
+]
+HighOption = Annotated[
+    float | None,
+    typer.Option("--high", metavar="DEG", help="Upper limit of the throttle [deg]; else the file's, else where it saturates."),
+]
+CommandOption = Annotated[float, typer.Option("--command", metavar="RAD_S", help="Step of the speed command, up and down [rad/s].")]
+LoadStepOption = Annotated[float, typer.Option("--load-step", metavar="N_M", help="Step of the load, up and down [N m].")]
+UntilOption = Annotated[float, typer.Option("--until", metavar="S", help="Length of each run [s]; the load steps at half of it.")]
+NoiseOption = Annotated[float, typer.Option("--noise", metavar="RAD_S", help="Standard deviation of the speed's noise [rad/s].")]
+JitterOption = Annotated[
+    float, typer.Option("--jitter", metavar="S", help="Standard deviation of each sample's shift [s; rad with --crank-angle].")
+]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of noise and jitter.")]
+SpreadOption = Annotated[
+    float, typer.Option("--spread", metavar="SHARE", help="Share by which inertia, delays, volume and torque are changed, one by one.")
+]
+MaxOvershootOption = Annotated[float, typer.Option("--max-overshoot", metavar="SHARE", help="Largest overshoot, of the command.")]
+MaxSettlingOption = Annotated[float, typer.Option("--max-settling", metavar="S", help="Longest settling time after either step [s].")]
+MaxDroopOption = Annotated[
+    float | None, typer.Option("--max-droop", metavar="RAD_S", help="Largest deviation after the load's step [rad/s]; else any.")
+]
+MinReserveOption = Annotated[float, typer.Option("--min-reserve", metavar="DB", help="Least distance of the gains from hunting [dB].")]
+RunUnstableOption = Annotated[
+    bool, typer.Option("--run-unstable", help="Also run where the linear loop is unstable; else it fails there without a run.")
+]
+WorkersOption = Annotated[int, typer.Option("--workers", min=1, max=64, help="Threads; results do not depend on them.")]
+
+
 def accept(
     *,
-    controller: Annotated[Path, typer.Argument(metavar="CONTROLLER.json", help="Controller file.")],
-    throttle: Annotated[str, typer.Option("--throttle", metavar="A1,A2,..", help="Throttle angles of the trims [deg].")],
-    load: Annotated[str, typer.Option("--load", metavar="T1,T2,..", help="Load torques of the trims [N m]; each with each angle.")] = "0",
-    period: Annotated[
-        float | None, typer.Option("--period", metavar="S", help="Sampling period [s], where the file names none; 0.005 by default.")
-    ] = None,
-    crank_angle: Annotated[
-        float | None, typer.Option("--crank-angle", metavar="RAD", help="Sample each so many radians of the crank instead [rad].")
-    ] = None,
-    computation_delay: Annotated[
-        float, typer.Option("--computation-delay", metavar="S", help="Time from a sample to its output [s], with the two above.")
-    ] = 0.0,
-    low: Annotated[
-        float | None, typer.Option("--low", metavar="DEG", help="Lower limit of the throttle [deg]; else the file's, else 0.")
-    ] = None,
-    high: Annotated[
-        float | None,
-        typer.Option("--high", metavar="DEG", help="Upper limit of the throttle [deg]; else the file's, else where it saturates."),
-    ] = None,
-    command: Annotated[float, typer.Option("--command", metavar="RAD_S", help="Step of the speed command, up and down [rad/s].")] = 10.0,
-    load_step: Annotated[float, typer.Option("--load-step", metavar="N_M", help="Step of the load, up and down [N m].")] = 5.0,
-    until: Annotated[float, typer.Option("--until", metavar="S", help="Length of each run [s]; the load steps at half of it.")] = 10.0,
-    noise: Annotated[float, typer.Option("--noise", metavar="RAD_S", help="Standard deviation of the speed's noise [rad/s].")] = 0.3,
-    jitter: Annotated[
-        float, typer.Option("--jitter", metavar="S", help="Standard deviation of each sample's shift [s; rad with --crank-angle].")
-    ] = 1e-4,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of noise and jitter.")] = 0,
-    spread: Annotated[
-        float, typer.Option("--spread", metavar="SHARE", help="Share by which inertia, delays, volume and torque are changed, one by one.")
-    ] = 0.1,
-    max_overshoot: Annotated[float, typer.Option("--max-overshoot", metavar="SHARE", help="Largest overshoot, of the command.")] = 0.3,
-    max_settling: Annotated[float, typer.Option("--max-settling", metavar="S", help="Longest settling time after either step [s].")] = 3.0,
-    max_droop: Annotated[
-        float | None, typer.Option("--max-droop", metavar="RAD_S", help="Largest deviation after the load's step [rad/s]; else any.")
-    ] = None,
-    min_reserve: Annotated[float, typer.Option("--min-reserve", metavar="DB", help="Least distance of the gains from hunting [dB].")] = 3.0,
-    run_unstable: Annotated[
-        bool, typer.Option("--run-unstable", help="Also run where the linear loop is unstable; else it fails there without a run.")
-    ] = False,
-    workers: Annotated[int, typer.Option("--workers", min=1, max=64, help="Threads; results do not depend on them.")] = 2,
+    controller: ControllerArgument,
+    throttle: ThrottleListOption,
+    load: LoadListOption = "0",
+    period: PeriodOption = None,
+    crank_angle: CrankAngleOption = None,
+    computation_delay: ComputationDelayOption = 0.0,
+    low: LowOption = None,
+    high: HighOption = None,
+    command: CommandOption = 10.0,
+    load_step: LoadStepOption = 5.0,
+    until: UntilOption = 10.0,
+    noise: NoiseOption = 0.3,
+    jitter: JitterOption = 1e-4,
+    seed: SeedOption = 0,
+    spread: SpreadOption = 0.1,
+    max_overshoot: MaxOvershootOption = 0.3,
+    max_settling: MaxSettlingOption = 3.0,
+    max_droop: MaxDroopOption = None,
+    min_reserve: MinReserveOption = 3.0,
+    run_unstable: RunUnstableOption = False,
+    workers: WorkersOption = 2,
     engine: EngineOption = DEFAULT_ENGINE,
     out: OutOption = None,
     json: JsonOption = False,
@@ -74,38 +97,55 @@ def accept(
     At each trim: steps of command and load as they are, with noise and jitter, and on engines whose parameters differ; then all gains are
     raised until the loop hunts. The verdict names what was not kept. A verdict of failure is a result: the exit status is 0.
     """
-    from revline.design.acceptance import Battery, OfUnstable, Requirements, accept
-    from revline.design.sampled_loop import Disturbance
+    from revline.design.acceptance import accept
     from revline.engine.spread import spread_engine
     from revline.io.acceptance_records import acceptance_record
     from revline.io.engine_files import load_engine
     from revline.io.json_files import format_json
-    from revline.io.number_lists import parse_numbers
 
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "acceptance")
-    wish = Requirements(overshoot=max_overshoot, settling_time=max_settling, gain_reserve_db=min_reserve)
-    battery = Battery(
-        command=command,
-        load=load_step,
-        until=until,
-        disturbance=Disturbance(noise=noise, jitter=jitter, seed=seed),
-        requirements=wish if max_droop is None else replace(wish, droop=max_droop),
-        of_unstable=OfUnstable.RUN if run_unstable else OfUnstable.SKIP,
-    )
+    battery = _battery((command, load_step, until), (noise, jitter, seed), (max_overshoot, max_settling, max_droop, min_reserve))
+    battery = _with_unstable(battery) if run_unstable else battery
     plant = load_engine(engine)
     judged = _controller(controller, plant, (period, crank_angle, computation_delay), (low, high))
-    places = [
-        {"throttle": angle, "load_torque": torque}
-        for torque, angle in product(parse_numbers(load, "--load [N m]"), parse_numbers(throttle, "--throttle [deg]"))
-    ]
     plants = {plant.name: plant, **spread_engine(plant, spread)}
     with shell.progress("acceptance") as progress:
-        found = accept(plants, judged, places, battery, workers=workers, progress=progress)
+        found = accept(plants, judged, _places(throttle, load), battery, workers=workers, progress=progress)
     record = acceptance_record(found, engine=plant.name, provenance={"program": f"revline {__version__}", "controller": controller.name})
     shell.write(out, format_json(record), "acceptance")
     shell.warn(*(loop.verdict for loop in found.linear if loop.verdict))
     shell.show(record, *_parts(found), text_on=out)
+
+
+def _battery(
+    steps: tuple[float, float, float], disturbance: tuple[float, float, int], wishes: tuple[float, float, float | None, float]
+) -> "Battery":
+    from revline.design.acceptance import Battery, Requirements
+    from revline.design.sampled_loop import Disturbance
+
+    wish = Requirements(overshoot=wishes[0], settling_time=wishes[1], gain_reserve_db=wishes[3])
+    return Battery(
+        command=steps[0],
+        load=steps[1],
+        until=steps[2],
+        disturbance=Disturbance(noise=disturbance[0], jitter=disturbance[1], seed=disturbance[2]),
+        requirements=wish if wishes[2] is None else replace(wish, droop=wishes[2]),
+    )
+
+
+def _with_unstable(battery: "Battery") -> "Battery":
+    from revline.design.acceptance import OfUnstable
+
+    return replace(battery, of_unstable=OfUnstable.RUN)
+
+
+def _places(throttle: str, load: str) -> list[dict[str, float]]:
+    """Each throttle angle with each load."""
+    from revline.io.number_lists import parse_numbers
+
+    angles, torques = parse_numbers(throttle, "--throttle [deg]"), parse_numbers(load, "--load [N m]")
+    return [{"throttle": angle, "load_torque": torque} for torque, angle in product(torques, angles)]
 
 
 def _controller(

@@ -174,7 +174,24 @@ def sampled_pid(controller: PidController, *, output: float, measurement: float,
         limits = f"the controller's limits {controller.low:g} to {controller.high:g} {gains.output_unit}"
         raise out_of_range("output at rest", output, gains.output_unit, limits, "widen the limits or choose another operating point")
     _check_resolution(controller, output, measurement, rounding)
-    parameters = PidCode(
+    drive, measured = gains.output_unit, gains.input_unit
+    return SampledController(
+        name="pid",
+        parameters=_code(controller, output, measurement, rounding),
+        states=_states(drive, measured),
+        measurements=(Variable(name="measurement", unit=measured, description="measured value"),),
+        commands=(Variable(name="command", unit=measured, description="wanted value"),),
+        outputs=_outputs(drive, measured),
+        drives=1,
+        update=update,
+        start=start,
+    )
+
+
+def _code(controller: PidController, output: float, measurement: float, rounding: float) -> PidCode:
+    """Parameters of the sampled law about a point of rest."""
+    gains = controller.gains
+    return PidCode(
         kp=gains.kp,
         ki=gains.ki,
         kd=gains.kd,
@@ -197,32 +214,28 @@ def sampled_pid(controller: PidController, *, output: float, measurement: float,
         safe_output=output if controller.safe_output is None else controller.safe_output,
         rounding=rounding,
     )
-    drive, measured = gains.output_unit, gains.input_unit
-    return SampledController(
-        name="pid",
-        parameters=parameters,
-        states=(
-            Variable(name="integral", unit=drive, description="integral term"),
-            Variable(name="derivative", unit=drive, description="derivative term"),
-            Variable(name="weighted_before", unit=measured, description="what the derivative acted on, a sample before"),
-            Variable(name="output_before", unit=drive, description="output before its quantisation, a sample before"),
-            Variable(name="measurement_before", unit=measured, description="last measurement that was a number"),
-            Variable(name="command_before", unit=measured, description="last command that was a number"),
-            Variable(name="missing", unit="1", description="samples without a measurement"),
-        ),
-        measurements=(Variable(name="measurement", unit=measured, description="measured value"),),
-        commands=(Variable(name="command", unit=measured, description="wanted value"),),
-        outputs=(
-            Variable(name="control", unit=drive, description="output"),
-            Variable(name="control_wanted", unit=drive, description="output before its limits"),
-            Variable(name="proportional", unit=drive, description="proportional term"),
-            Variable(name="integral", unit=drive, description="integral term after anti-windup"),
-            Variable(name="derivative", unit=drive, description="derivative term"),
-            Variable(name="measurement_used", unit=measured, description="measurement after quantisation"),
-        ),
-        drives=1,
-        update=update,
-        start=start,
+
+
+def _states(drive: str, measured: str) -> tuple[Variable, ...]:
+    return (
+        Variable(name="integral", unit=drive, description="integral term"),
+        Variable(name="derivative", unit=drive, description="derivative term"),
+        Variable(name="weighted_before", unit=measured, description="what the derivative acted on, a sample before"),
+        Variable(name="output_before", unit=drive, description="output before its quantisation, a sample before"),
+        Variable(name="measurement_before", unit=measured, description="last measurement that was a number"),
+        Variable(name="command_before", unit=measured, description="last command that was a number"),
+        Variable(name="missing", unit="1", description="samples without a measurement"),
+    )
+
+
+def _outputs(drive: str, measured: str) -> tuple[Variable, ...]:
+    return (
+        Variable(name="control", unit=drive, description="output"),
+        Variable(name="control_wanted", unit=drive, description="output before its limits"),
+        Variable(name="proportional", unit=drive, description="proportional term"),
+        Variable(name="integral", unit=drive, description="integral term after anti-windup"),
+        Variable(name="derivative", unit=drive, description="derivative term"),
+        Variable(name="measurement_used", unit=measured, description="measurement after quantisation"),
     )
 
 
