@@ -13,9 +13,10 @@ from typer.testing import CliRunner
 
 import revline as package
 from revline import __version__
-from revline.cli import COMMANDS, THREADS, app, main, model_commands, run
-from revline.cli.model_commands import DelayChoice, ObjectiveChoice, WeightChoice
+from revline.cli import COMMANDS, THREADS, app, main, run, tune_command
+from revline.cli.model_commands import DelayChoice, WeightChoice
 from revline.cli.response_routes import MethodChoice
+from revline.cli.tune_command import ObjectiveChoice
 from revline.design.fine_tuning import Objective
 from revline.design.fit import DelayRule, Weight
 from revline.design.rules import TUNING_RULES
@@ -99,7 +100,7 @@ def test_choices_are_those_of_the_methods() -> None:
 def test_every_option_of_a_tuning_rule_is_an_option_of_tune() -> None:
     wanted = {option.name for rule in TUNING_RULES for option in rule.options}
     assert wanted
-    assert wanted <= set(inspect.signature(model_commands.tune).parameters)
+    assert wanted <= set(inspect.signature(tune_command.tune).parameters)
 
 
 def test_quiet_stands_before_or_after_the_command(revline: Command) -> None:
@@ -191,7 +192,7 @@ def test_completion_is_offered_for_engines_and_rules(revline: Command, monkeypat
     from revline.cli.options import complete_engine  # noqa: PLC0415 - what the shell calls
 
     assert complete_engine("lee1995-") == ["lee1995-generic"]
-    assert "pole-placement" in model_commands.rule_names()
+    assert "pole-placement" in tune_command.rule_names()
     monkeypatch.setenv("_REVLINE_COMPLETE", "complete_bash")
     monkeypatch.setenv("COMP_WORDS", "revline trim --engine lee1995-")
     monkeypatch.setenv("COMP_CWORD", "3")

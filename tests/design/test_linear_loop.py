@@ -13,7 +13,7 @@ from revline.design.linear_loop import (
     find_bandwidth,
     measure_closed_loop,
 )
-from revline.design.rules import tune_pi_pole_placement
+from revline.design.rules_step import tune_pi_pole_placement
 from revline.design.step_measures import measure_overshoot, measure_step
 from revline.errors import AnalysisError, InvalidInputError
 from revline.lti.transfer_function import TransferFunction

@@ -4,15 +4,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from revline.design.controller import PidGains
+from revline.design.rule_making import RuleValue
 from revline.design.rules import (
     TUNING_RULES,
-    RuleValue,
     find_tuning_rule,
     tune_by_rule,
-    tune_pi_pole_placement,
-    tune_pid_ziegler_nichols,
-    tune_pid_ziegler_nichols_without_gain,
 )
+from revline.design.rules_step import tune_pi_pole_placement, tune_pid_ziegler_nichols, tune_pid_ziegler_nichols_without_gain
 from revline.design.step_tangent import TangentReading, measure_step_tangent
 from revline.errors import InvalidInputError
 from revline.lti.polynomial import polynomial_roots

@@ -31,6 +31,7 @@ from revline.cli import (
     simulate_command,
     spectra_command,
     study_commands,
+    tune_command,
 )
 from revline.cli.shell import say
 from revline.errors import RevlineError
@@ -94,7 +95,7 @@ COMMANDS = (
     ),
     Entry(
         "tune",
-        model_commands.tune,
+        tune_command.tune,
         "Tune a controller for a model by a rule.",
         "revline tune g1.json --rule pole-placement --natural-frequency 18.85 --damping 1.25 --out c1.json",
     ),

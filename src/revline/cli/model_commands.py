@@ -1,4 +1,4 @@
-"""Commands about linear models: fit, tune."""
+"""The command fit: a linear model from a frequency response."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -7,7 +7,7 @@ import typer
 
 from revline import __version__
 from revline.cli.options import JsonOption, OutOption, QuietOption
-from revline.cli.shell import Facts, Grid, Shell, show_roots
+from revline.cli.shell import Facts, Shell, show_roots
 from revline.errors import InvalidInputError
 
 if TYPE_CHECKING:
@@ -18,14 +18,6 @@ PROGRAM = f"revline {__version__}"
 
 DelayChoice = Literal["none", "phase-line", "free", "fixed"]
 WeightChoice = Literal["none", "relative"]
-ObjectiveChoice = Literal["setpoint-error", "load-error"]
-
-
-def rule_names() -> list[str]:
-    """Names of the tuning rules, for the shell's completion."""
-    from revline.design.rules import TUNING_RULES
-
-    return [rule.name for rule in TUNING_RULES]
 
 
 def fit(
@@ -107,104 +99,3 @@ def _model_facts(found: "ModelFit") -> list[tuple[str, float | str, str]]:
         ("largest magnitude error", found.max_magnitude_error_db, "dB"),
         ("largest phase error", found.max_phase_error_deg, "deg"),
     ]
-
-
-StartOption = Annotated[
-    Path | None,
-    typer.Option("--start", metavar="CONTROLLER.json", help="Gains that fine tuning begins from; else those of ziegler-nichols."),
-]
-FreeOption = Annotated[
-    str | None, typer.Option("--free", metavar="GAIN,..", help="Gains that fine tuning may move, of kp,ki,kd; ki by default.")
-]
-LimitOption = Annotated[
-    float | None,
-    typer.Option("--overshoot-limit", metavar="FRACTION", help="Largest overshoot that fine tuning allows, of the command; else 0.1."),
-]
-ObjectiveOption = Annotated[
-    ObjectiveChoice | None,
-    typer.Option(
-        "--objective",
-        help="What fine tuning minimises: the integral of the absolute error after a step of the command (the default), "
-        "or the integrated error after a step of a load, 1/ki.",
-    ),
-]
-HorizonOption = Annotated[
-    float | None, typer.Option("--horizon", metavar="S", help="Time over which fine tuning judges a loop [s]; 4 by default.")
-]
-
-
-def tune(
-    *,
-    model: Annotated[Path | None, typer.Argument(metavar="MODEL.json", help="Model file, for example from `revline fit`.")] = None,
-    rule: Annotated[str | None, typer.Option("--rule", help="Name of the rule; --list shows them.", autocompletion=rule_names)] = None,
-    natural_frequency: Annotated[
-        float | None, typer.Option("--natural-frequency", metavar="RAD_S", help="Natural frequency of the closed loop [rad/s].")
-    ] = None,
-    damping: Annotated[float | None, typer.Option("--damping", metavar="RATIO", help="Damping ratio of the closed loop.")] = None,
-    start: StartOption = None,
-    free: FreeOption = None,
-    overshoot_limit: LimitOption = None,
-    objective: ObjectiveOption = None,
-    horizon: HorizonOption = None,
-    listed: Annotated[bool, typer.Option("--list", help="List the rules with their options and sources.")] = False,
-    out: OutOption = None,
-    json: JsonOption = False,
-    quiet: QuietOption = False,
-) -> None:
-    """Tune a PI or PID controller for a model by a rule; the gains are in deg of throttle per rad/s for an engine's model."""
-    from revline.design.rules import tune_by_rule
-    from revline.io.controller_files import controller_record, read_controller
-    from revline.io.json_files import format_json
-    from revline.io.model_files import read_model
-
-    shell = Shell(json=json, quiet=quiet)
-    if listed:
-        _list_rules(shell)
-        return
-    if model is None or rule is None:
-        message = "give a model file and --rule, for example `revline tune g2.json --rule ziegler-nichols`; --list shows the rules"
-        raise InvalidInputError(message)
-    shell.prepare(out, "controller file")
-    file = read_model(model)
-    given = {
-        "natural_frequency": natural_frequency,
-        "damping": damping,
-        "start": read_controller(start).gains if start is not None else None,
-        "free": free,
-        "overshoot_limit": overshoot_limit,
-        "objective": objective,
-        "horizon": horizon,
-    }
-    options = {key: value for key, value in given.items() if value is not None}
-    gains = tune_by_rule(rule, file.model, options=options, designed_on=file.name)
-    record = controller_record(gains, provenance={"program": PROGRAM, "model": model.name})
-    shell.write(out, format_json(record), "controller file")
-    rows = [(gain, getattr(gains, gain), unit) for gain, unit in gains.gain_units.items()]
-    details = [(key, value, "") for key, value in gains.details.items() if key != "summary"]
-    shell.show(
-        record, Facts(f"Controller for {file.name} by {gains.rule}", [*rows, *details]), str(gains.details.get("summary", "")), text_on=out
-    )
-
-
-def _list_rules(shell: Shell) -> None:
-    from revline.design.rules import TUNING_RULES
-
-    record = {
-        "rules": [
-            {
-                "name": rule.name,
-                "summary": rule.summary,
-                "source": rule.source,
-                "options": [
-                    {"name": o.name, "unit": o.unit, "description": o.description} | ({"default": o.default} if o.default else {})
-                    for o in rule.options
-                ],
-            }
-            for rule in TUNING_RULES
-        ]
-    }
-    rows = [
-        (rule.name, ", ".join(f"--{o.name.replace('_', '-')} [{o.unit}]" for o in rule.options) or "none", rule.summary, rule.source)
-        for rule in TUNING_RULES
-    ]
-    shell.show(record, Grid("", ("rule", "options", "what it does", "source"), rows))
