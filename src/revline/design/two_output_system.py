@@ -1,8 +1,10 @@
 """The continuous controller of two inputs as a system: one fast with little room, one slow that takes over what the fast one holds.
 
-    fast = limited(fast_set + w),  w = kp e + J,   dJ/dt = ki e + fast_tracking (fast - fast_wanted)
-    slow = limited(slow_trim + slow_kp q + I - slow_kd dy/dt),  dI/dt = slow_ki q + slow_tracking (slow - slow_wanted)
-    q = w + share_of_error e,  e = command - y
+    fast = limited(kp e + J),                         dJ/dt = ki e + fast_tracking (fast - fast_wanted)
+    slow = limited(slow_kp q + I - slow_kd dy/dt),    dI/dt = slow_ki q + slow_tracking (slow - slow_wanted)
+    q = fast_wanted - fast_set + share_of_error e,    e = command - y
+
+The integral terms J and I begin at what the outputs are at rest: the fast one's set-point and the slow one's trim.
 
 With share_of_error 0 the slow controller sees what the fast one asks for and takes it over, so that the fast input returns to its
 set-point: mid-ranging, or valve-position control. With kp = ki = 0 and share_of_error 1 it is a PID controller of the slow input alone.
@@ -66,10 +68,9 @@ def laws(p: TwoOutputParameters, x: Vector, u: Vector) -> tuple[float, float, fl
     """What the slow controller sees, and both outputs before and after their limits."""
     command, measurement, measurement_rate = u
     error = command - measurement
-    demand = p.gains.kp * error + x[0]
-    seen = demand + p.gains.share_of_error * error
-    fast_wanted = p.fast.rest + demand
-    slow_wanted = p.slow.rest + p.gains.slow_kp * seen + x[1] - p.gains.slow_kd * measurement_rate
+    fast_wanted = p.gains.kp * error + x[0]
+    seen = fast_wanted - p.fast.rest + p.gains.share_of_error * error
+    slow_wanted = p.gains.slow_kp * seen + x[1] - p.gains.slow_kd * measurement_rate
     fast = np.minimum(np.maximum(fast_wanted, p.fast.low), p.fast.high)
     slow = np.minimum(np.maximum(slow_wanted, p.slow.low), p.slow.high)
     return seen, fast_wanted, fast, slow_wanted, slow

@@ -1,0 +1,263 @@
+"""Mid-ranging: a fast input of little room and a slow one that takes over, designed with every delay exact.
+
+Steps, each from the exact linear model about the trim:
+
+1. Slow input alone: the PID gains of the largest integral gain at which Ms is the bound; the competitor, and the slow law's shape.
+2. Fast loop, the slow input held: the PI gains of the largest integral gain at which Ms is 1 + share (bound - 1).
+3. Slow loop around the closed fast one: among PI gains of the fast demand, with the derivative time of step 1, those of the largest
+   integral gain at which four loops keep the bound and the crossovers stay apart: broken at the fast input, at the slow one, at both
+   together (the measurement), and what is left while the fast input stands at its limit.
+
+With a tracking time of kp/ki the fast controller at its limit asks for limit + kp e, so that the slow controller is left with a PID
+controller of the error: the fourth loop. Gains are followed from zero along rays of one integral time, which end where a loop comes near to
+instability; `confirm_design` proves what was chosen by margins and roots. The largest integral gain is the least integral of the error after
+a step of the load.
+
+Source: mid-ranging: Allison and Isaksson (1998), Journal of Process Control 8(5-6), 469-474; largest integral gain under Ms: Astrom,
+Panagopoulos and Hagglund (1998), Automatica 34(5), 585-601.
+"""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from revline.analysis.linearize import Linearization, linearize
+from revline.analysis.trim import Trim
+from revline.design.closed_loop import LoopSignals
+from revline.design.gain_region import find_gain_region
+from revline.design.loop_family import family_of_system
+from revline.design.sensitivity_contour import find_sensitivity_contour
+from revline.design.torque_reserve import TorqueReserve, find_torque_reserve
+from revline.design.two_input_loops import LoopGains, TwoInputPlant, peaks_of_rays
+from revline.errors import AnalysisError, InvalidInputError, out_of_range
+from revline.lti.interconnection import select
+from revline.lti.state_space import DelayStateSpace, position
+from revline.system import DelaySystem, Floats
+
+RAYS, LEVELS, ZOOMS = 31, 40, 3
+"""Integral times, gains along each, and how often the neighbourhood of the best is divided."""
+
+WEAKEST = 1e-4
+"""The first gain of a ray, relative to the competitor's."""
+
+ALMOST_UNSTABLE = 10.0
+"""A ray of gains from zero ends where a peak of the sensitivity passes this: beyond lie gains that only an unstable loop reaches."""
+
+SAFE = 0.9995
+"""Part of the bound on Ms that candidates keep on their grid, so that the chosen one keeps it between its frequencies."""
+
+KD_SAMPLES = 9
+"""Derivative gains that are tried before the best is improved."""
+
+
+class TwoInputSignals(NamedTuple):
+    """Names of the signals: both inputs, what is measured, its rate, what disturbs, and what the fast input acts on."""
+
+    fast: str = "spark"
+    slow: str = "throttle"
+    measurement: str = "engine_speed"
+    measurement_rate: str = "engine_acceleration"
+    disturbance: str = "load_torque"
+    quantity: str = "indicated_torque"
+
+
+SPEED_BY_SPARK_AND_THROTTLE = TwoInputSignals()
+"""Engine speed by the spark, at once, and by the throttle, for good."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MidRangingBounds:
+    """What the design keeps.
+
+    Attributes:
+        ms: largest peak of the sensitivity of each loop.
+        fast_share: part of ms - 1 that the fast loop takes while the slow input is held.
+        separation: the slow loop's crossover is at most that of the fast loop over this.
+
+    Raises:
+        InvalidInputError: a bound is out of its range.
+    """
+
+    ms: float = 2.0
+    fast_share: float = 0.7
+    separation: float = 3.0
+
+    def __post_init__(self) -> None:
+        if not 1.0 < self.ms <= 4.0:
+            raise out_of_range("Ms", self.ms, "", "above 1 up to 4", "give one such as 1.4, 1.7 or 2")
+        if not 0.0 < self.fast_share < 1.0:
+            raise out_of_range("the fast loop's share", self.fast_share, "", "above 0 and below 1", "give one such as 0.7")
+        if not 1.0 <= self.separation <= 100.0:
+            raise out_of_range("separation of the crossovers", self.separation, "", "1 to 100", "give one such as 3")
+
+
+class PidOfSlow(NamedTuple):
+    """Gains of the slow input alone, per error: the competitor of one input."""
+
+    kp: float
+    ki: float
+    kd: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MidRangingDesign:
+    """Gains of both controllers and what they were made from.
+
+    Attributes:
+        linear: exact linear model about the trim.
+        reserve: what the fast input can do there.
+        signals: names of the signals.
+        bounds: that were asked for.
+        gains: of the law; the fast input's sign is in them.
+        alone: gains of the slow input alone, of the same Ms.
+        resolution: by which part the slow loop's largest integral gain may still be larger on its ray.
+        limiting: what a larger integral gain of the slow loop would break.
+    """
+
+    linear: Linearization
+    reserve: TorqueReserve
+    signals: TwoInputSignals
+    bounds: MidRangingBounds
+    gains: LoopGains
+    alone: PidOfSlow
+    resolution: float
+    limiting: str
+
+
+def design_mid_ranging(
+    system: DelaySystem,
+    trim: Trim,
+    *,
+    bounds: MidRangingBounds = MidRangingBounds(),  # noqa: B008 - an immutable value
+    signals: TwoInputSignals = SPEED_BY_SPARK_AND_THROTTLE,
+) -> MidRangingDesign:
+    """Design both loops of a mid-ranging controller, and the slow input alone for comparison.
+
+    Args:
+        system: with a fast and a slow input.
+        trim: stable; its fast input is the set-point.
+        bounds: on the peaks of the sensitivities and the distance of the crossovers.
+        signals: names of the signals.
+
+    Raises:
+        InvalidInputError: there are no such signals, the fast input has no authority at its set-point, or the trim is unstable, so that
+            nothing holds it while the fast input stands at its limit.
+        AnalysisError: no gains keep the bounds.
+        NotConvergedError: a boundary of gains could not be followed.
+    """
+    reserve = find_torque_reserve(system, trim, name=signals.fast, quantity=signals.quantity)
+    if not trim.stable:
+        message = (
+            f"the trim is unstable ({trim.unstable_count} roots right of the axis): while {signals.fast} stands at its limit, gains from "
+            f"zero on cannot hold it; choose a trim at a higher {signals.slow} or less load"
+        )
+        raise InvalidInputError(message, unstable=trim.unstable_count)
+    linear = linearize(system, trim)
+    model = linear.model
+    alone = _slow_alone(model, signals, bounds.ms)
+    kp, ki = _largest_integral(model, (signals.fast, signals), 0.0, 1.0 + bounds.fast_share * (bounds.ms - 1.0), sign=reserve.sign)
+    plant = TwoInputPlant.of(model, signals.fast, signals.slow, signals.measurement, sign=reserve.sign)
+    gains, resolution, limiting = _slow_loop(plant, (kp, ki), alone, bounds)
+    return MidRangingDesign(
+        linear=linear,
+        reserve=reserve,
+        signals=signals,
+        bounds=bounds,
+        gains=gains,
+        alone=alone,
+        resolution=resolution,
+        limiting=limiting,
+    )
+
+
+def _largest_integral(
+    model: DelayStateSpace, wires: tuple[str, TwoInputSignals], kd: float, peak: float, *, sign: float = 1.0
+) -> tuple[float, float]:
+    """The (kp, ki) of the largest ki at which the sensitivity of one input's loop has a peak.
+
+    Raises:
+        AnalysisError: no gains have it.
+    """
+    drive, signals = wires
+    column, row, rate = (
+        position(model.inputs, drive),
+        position(model.outputs, signals.measurement),
+        position(model.outputs, signals.measurement_rate),
+    )
+    one = select(model, [column], [row, rate])
+    loop = LoopSignals(drive=drive, measurement=signals.measurement, measurement_rate=signals.measurement_rate)
+    family = family_of_system(_turned(one, sign), kd=kd, wires=loop, name=f"{signals.measurement} by {drive}")
+    contour = find_sensitivity_contour(find_gain_region(family), peak)
+    if not contour.ki.size:
+        message = f"no PI gains of {drive} have Ms = {peak:g} with kd = {kd:g}; allow a larger Ms"
+        raise AnalysisError(message, peak=peak, kd=kd)
+    best = int(np.argmax(contour.ki))
+    return float(contour.kp[best]), float(contour.ki[best])
+
+
+def _turned(model: DelayStateSpace, sign: float) -> DelayStateSpace:
+    """The same model for an input of the other sign."""
+    return replace(model, Bu=sign * model.Bu, Dzu=sign * model.Dzu, Dyu=sign * model.Dyu)
+
+
+def _slow_alone(model: DelayStateSpace, signals: TwoInputSignals, ms: float) -> PidOfSlow:
+    """PID gains of the slow input of the largest integral gain over all derivative gains."""
+    wires = (signals.slow, signals)
+    kp, ki = _largest_integral(model, wires, 0.0, ms)
+    unit = kp * kp / ki  # of a derivative time kp/ki
+
+    def value(log_kd: float) -> float:
+        try:
+            return -_largest_integral(model, wires, unit * float(np.exp(log_kd)), ms)[1]
+        except (AnalysisError, InvalidInputError):  # too much derivative action: no gains are left
+            return 0.0
+
+    grid = np.linspace(np.log(0.03), np.log(30.0), KD_SAMPLES)
+    values = [value(float(k)) for k in grid]
+    at = int(np.argmin(values))
+    if not -values[at] > ki:
+        return PidOfSlow(kp, ki, 0.0)
+    width = float(grid[1] - grid[0])
+    found = minimize_scalar(value, bounds=(grid[at] - width, grid[at] + width), method="bounded", options={"xatol": 0.02})
+    log_kd = float(found.x) if found.fun <= values[at] else float(grid[at])
+    kd = unit * float(np.exp(log_kd))
+    return PidOfSlow(*_largest_integral(model, wires, kd, ms), kd)
+
+
+def _slow_loop(
+    plant: TwoInputPlant, fast: tuple[float, float], alone: PidOfSlow, bounds: MidRangingBounds
+) -> tuple[LoopGains, float, str]:
+    """Slow gains of the largest integral gain within the bounds, by zooming into a grid of rays."""
+    kp, ki = fast
+    derivative_time = alone.kd / alone.kp
+    base = alone.ki / kp
+    times, ratio = _spread(alone.kp / alone.ki, 20.0, RAYS)
+    levels = np.geomspace(WEAKEST, 100.0, LEVELS) * base
+    step = float(levels[1] / levels[0])
+    time, level, limiting = 0.0, 0.0, ""
+    for _ in range(ZOOMS + 1):
+        rays = peaks_of_rays(plant, fast, (times, levels, derivative_time))
+        broken = rays.broken(SAFE * bounds.ms, bounds.separation)
+        reachable = np.logical_and.accumulate(np.all(rays.peaks < ALMOST_UNSTABLE, axis=0), axis=1)
+        top = np.max(np.where(reachable & ~np.any(broken, axis=0), levels, 0.0), axis=1)
+        at = int(np.argmax(top))
+        if not top[at] > 0.0:
+            message = f"no gains of the slow loop keep Ms = {bounds.ms:g} and crossovers {bounds.separation:g} apart; allow more of either"
+            raise AnalysisError(message, ms=bounds.ms, separation=bounds.separation)
+        time, level, reached = float(times[at]), float(top[at]), step
+        beyond = broken[:, at, min(int(np.searchsorted(levels, level)) + 1, levels.size - 1)]
+        limiting = ", ".join(name for name, bad in zip(rays.names, beyond, strict=True) if bad)
+        times, ratio = _spread(time, ratio, RAYS)
+        finer = level * np.geomspace(1.0, step, LEVELS // 2)
+        step = float(finer[1] / finer[0])
+        levels = np.concatenate((np.geomspace(WEAKEST * base, level, LEVELS)[:-1], finer))
+    gains = LoopGains(kp=kp, ki=ki, slow_kp=time * level, slow_ki=level, slow_kd=derivative_time * kp * time * level)
+    return gains, reached - 1.0, limiting
+
+
+def _spread(middle: float, ratio: float, count: int) -> tuple[Floats, float]:
+    """Values about a middle one to both sides by a ratio, and the ratio of neighbours."""
+    values = middle * np.geomspace(1.0 / ratio, ratio, count)
+    return values, float(values[1] / values[0])
