@@ -4,7 +4,7 @@ Steps, each from the exact linear model about the trim:
 
 1. Slow input alone: the PID gains of the largest integral gain at which Ms is the bound; the competitor, and the slow law's shape.
 2. Fast loop, the slow input held: the PI gains of the largest integral gain at which Ms is 1 + share (bound - 1).
-3. Slow loop around the closed fast one: among PI gains of the fast demand, with the derivative time of step 1, those of the largest
+3. Slow loop around the closed fast one: among PI gains of the fast demand, with parts of the derivative of step 1, those of the largest
    integral gain at which four loops keep the bound and the crossovers stay apart: broken at the fast input, at the slow one, at both
    together (the measurement), and what is left while the fast input stands at its limit.
 
@@ -36,16 +36,23 @@ from revline.lti.interconnection import select
 from revline.lti.state_space import DelayStateSpace, position
 from revline.system import DelaySystem, Floats
 
-RAYS, LEVELS, ZOOMS = 31, 40, 3
+RAYS, LEVELS, ZOOMS = 21, 30, 3
 """Integral times, gains along each, and how often the neighbourhood of the best is divided."""
 
-WEAKEST = 1e-4
+SHARES = (0.0, 0.25, 0.5, 1.0, 2.0, 4.0)
+"""Derivative gains of the slow law per integral gain, as parts of the competitor's."""
+
+SPREAD = 20.0
+"""Integral times are tried from the competitor's over this to it times this."""
+
+WEAKEST = 1e-3
 """The first gain of a ray, relative to the competitor's."""
 
-ALMOST_UNSTABLE = 10.0
-"""A ray of gains from zero ends where a peak of the sensitivity passes this: beyond lie gains that only an unstable loop reaches."""
+ALMOST_UNSTABLE = 4.0
+"""A ray of gains from zero ends where a peak of the sensitivity passes this: beyond lie gains that only an unstable loop reaches.
+Neighbours on a ray are so close that none is skipped: between peaks below it on both sides |L| changes by less than the way through -1."""
 
-SAFE = 0.9995
+SAFE = 0.998
 """Part of the bound on Ms that candidates keep on their grid, so that the chosen one keeps it between its frequencies."""
 
 KD_SAMPLES = 9
@@ -85,8 +92,8 @@ class MidRangingBounds:
     separation: float = 3.0
 
     def __post_init__(self) -> None:
-        if not 1.0 < self.ms <= 4.0:
-            raise out_of_range("Ms", self.ms, "", "above 1 up to 4", "give one such as 1.4, 1.7 or 2")
+        if not 1.0 < self.ms <= 3.0:
+            raise out_of_range("Ms", self.ms, "", "above 1 up to 3", "give one such as 1.4, 1.7 or 2")
         if not 0.0 < self.fast_share < 1.0:
             raise out_of_range("the fast loop's share", self.fast_share, "", "above 0 and below 1", "give one such as 0.7")
         if not 1.0 <= self.separation <= 100.0:
@@ -229,32 +236,48 @@ def _slow_alone(model: DelayStateSpace, signals: TwoInputSignals, ms: float) -> 
 def _slow_loop(
     plant: TwoInputPlant, fast: tuple[float, float], alone: PidOfSlow, bounds: MidRangingBounds
 ) -> tuple[LoopGains, float, str]:
-    """Slow gains of the largest integral gain within the bounds, by zooming into a grid of rays."""
+    """Slow gains of the largest integral gain within the bounds: a grid of rays for each share of the derivative, the best zoomed into."""
     kp, ki = fast
-    derivative_time = alone.kd / alone.kp
-    base = alone.ki / kp
-    times, ratio = _spread(alone.kp / alone.ki, 20.0, RAYS)
-    levels = np.geomspace(WEAKEST, 100.0, LEVELS) * base
-    step = float(levels[1] / levels[0])
-    time, level, limiting = 0.0, 0.0, ""
-    for _ in range(ZOOMS + 1):
-        rays = peaks_of_rays(plant, fast, (times, levels, derivative_time))
-        broken = rays.broken(SAFE * bounds.ms, bounds.separation)
-        reachable = np.logical_and.accumulate(np.all(rays.peaks < ALMOST_UNSTABLE, axis=0), axis=1)
-        top = np.max(np.where(reachable & ~np.any(broken, axis=0), levels, 0.0), axis=1)
-        at = int(np.argmax(top))
-        if not top[at] > 0.0:
+    base, widest = alone.ki / kp, alone.kp / alone.ki
+    coarse = np.geomspace(WEAKEST, 10.0, LEVELS) * base
+    times, ratio = _spread(widest, SPREAD, RAYS)
+    shares = [share * alone.kd / alone.ki for share in (SHARES if alone.kd > 0.0 else (0.0,))]
+    found = max((_best(plant, fast, (times, coarse, share), bounds) for share in shares), key=lambda entry: entry.level)
+    step = float(coarse[1] / coarse[0])
+    for _ in range(ZOOMS):
+        if not found.level > 0.0:
             message = f"no gains of the slow loop keep Ms = {bounds.ms:g} and crossovers {bounds.separation:g} apart; allow more of either"
             raise AnalysisError(message, ms=bounds.ms, separation=bounds.separation)
-        time, level, reached = float(times[at]), float(top[at]), step
-        beyond = broken[:, at, min(int(np.searchsorted(levels, level)) + 1, levels.size - 1)]
-        limiting = ", ".join(name for name, bad in zip(rays.names, beyond, strict=True) if bad)
-        times, ratio = _spread(time, ratio, RAYS)
-        finer = level * np.geomspace(1.0, step, LEVELS // 2)
+        times, ratio = _spread(found.time, ratio, RAYS)
+        finer = found.level * np.geomspace(1.0, step, LEVELS // 2)
+        levels = np.concatenate((np.geomspace(WEAKEST * base, found.level, LEVELS)[:-1], finer))
         step = float(finer[1] / finer[0])
-        levels = np.concatenate((np.geomspace(WEAKEST * base, level, LEVELS)[:-1], finer))
-    gains = LoopGains(kp=kp, ki=ki, slow_kp=time * level, slow_ki=level, slow_kd=derivative_time * kp * time * level)
-    return gains, reached - 1.0, limiting
+        found = _best(plant, fast, (times, levels, found.derivative), bounds)
+    gains = LoopGains(
+        kp=kp, ki=ki, slow_kp=found.time * found.level, slow_ki=found.level, slow_kd=found.derivative * kp * found.level
+    )
+    return gains, step - 1.0, found.limiting
+
+
+class _Found(NamedTuple):
+    """The largest integral gain on a grid of rays, its integral time and derivative, and what the next larger one breaks."""
+
+    level: float
+    time: float
+    derivative: float
+    limiting: str
+
+
+def _best(plant: TwoInputPlant, fast: tuple[float, float], rays: tuple[Floats, Floats, float], bounds: MidRangingBounds) -> _Found:
+    times, levels, derivative = rays
+    peaks = peaks_of_rays(plant, fast, rays)
+    broken = peaks.broken(SAFE * bounds.ms, bounds.separation)
+    reachable = np.logical_and.accumulate(np.all(peaks.peaks < ALMOST_UNSTABLE, axis=0), axis=1)
+    top = np.max(np.where(reachable & ~np.any(broken, axis=0), levels, 0.0), axis=1)
+    at = int(np.argmax(top))
+    beyond = broken[:, at, min(int(np.searchsorted(levels, top[at])) + 1, levels.size - 1)]
+    limiting = ", ".join(name for name, bad in zip(peaks.names, beyond, strict=True) if bad)
+    return _Found(float(top[at]), float(times[at]), derivative, limiting)
 
 
 def _spread(middle: float, ratio: float, count: int) -> tuple[Floats, float]:

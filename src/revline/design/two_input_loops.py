@@ -27,7 +27,7 @@ from revline.lti.state_space import DelayStateSpace, position
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
-POINTS = 700
+POINTS = 600
 """Frequencies at which candidates are compared; the chosen one's margins are found on a refined grid."""
 
 NAMES = ("fast", "slow", "both", "fast at its limit", "crossovers apart")
@@ -79,7 +79,7 @@ class TwoInputPlant:
         """Frequencies from well below to well above what the poles and lags make of the plant."""
         fastest = max(float(np.max(np.abs(np.linalg.eigvals(self.model.A)))), 1.0 / float(np.min(self.model.lags)))
         slowest = 1.0 / float(np.sum(self.model.lags))
-        return np.geomspace(1e-4 * slowest, 20.0 * fastest, POINTS)
+        return np.geomspace(1e-3 * slowest, 20.0 * fastest, POINTS)
 
 
 class RayPeaks(NamedTuple):
@@ -100,9 +100,9 @@ def peaks_of_rays(plant: TwoInputPlant, fast: tuple[float, float], rays: tuple[F
     Args:
         plant: both transfer functions.
         fast: kp and ki.
-        rays: integral times in s, shape (n,), integral gains, shape (m,), and the derivative time in s.
+        rays: integral times in s, shape (n,), integral gains, shape (m,), and the derivative gain over the integral one, kp taken out.
     """
-    times, levels, derivative_time = rays
+    times, levels, derivative = rays
     omega = plant.grid()
     s = 1j * omega
     p_fast, p_slow = plant(s)
@@ -115,7 +115,7 @@ def peaks_of_rays(plant: TwoInputPlant, fast: tuple[float, float], rays: tuple[F
     separation = np.empty((times.size, levels.size))
     for k, time in enumerate(times):
         shape = levels[:, None] * (time + 1.0 / s)
-        kick = levels[:, None] * derivative_time * kp * time * s
+        kick = levels[:, None] * derivative * kp * s
         slow_loop, left = p_slow * (shape * c + kick), p_slow * (shape * kp + kick)
         at_slow = slow_loop / (1.0 + fast_loop)
         for row, loop in enumerate((fast_loop / (1.0 + slow_loop), at_slow, fast_loop + slow_loop, left)):
