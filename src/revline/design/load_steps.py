@@ -161,7 +161,7 @@ class LoadStepRun:
     @property
     def reserve_used(self) -> float:
         """Largest part of the reserve that the fast input called on, at the charge of the trim."""
-        return float(np.max(self.reserve.quantity_at(self.fast) - self.reserve.value)) / self.reserve.reserve
+        return max(0.0, float(np.max(self.reserve.quantity_at(self.fast) - self.reserve.value)) / self.reserve.reserve)
 
     @property
     def fast_saturated(self) -> float:

@@ -88,14 +88,14 @@ class MidRangingBounds:
     """
 
     ms: float = 2.0
-    fast_share: float = 0.7
+    fast_share: float = 0.5
     separation: float = 3.0
 
     def __post_init__(self) -> None:
         if not 1.0 < self.ms <= 3.0:
             raise out_of_range("Ms", self.ms, "", "above 1 up to 3", "give one such as 1.4, 1.7 or 2")
         if not 0.0 < self.fast_share < 1.0:
-            raise out_of_range("the fast loop's share", self.fast_share, "", "above 0 and below 1", "give one such as 0.7")
+            raise out_of_range("the fast loop's share", self.fast_share, "", "above 0 and below 1", "give one such as 0.5")
         if not 1.0 <= self.separation <= 100.0:
             raise out_of_range("separation of the crossovers", self.separation, "", "1 to 100", "give one such as 3")
 
