@@ -91,7 +91,11 @@ def mid_ranging(  # noqa: PLR0913 - a command's options
     shell.show(
         record,
         Facts(f"Mid-ranging on {system.name} at {throttle:g} deg, {load:g} N m, spark {design.reserve.rest:g} deg", describe_design(found)),
-        Grid("Margins, delays exact", ("loop broken at", "Ms", "gain margin [dB]", "delay margin [ms]"), describe_margins_of(found.own.margins)),
+        Grid(
+            "Margins, delays exact",
+            ("loop broken at", "Ms", "gain margin [dB]", "delay margin [ms]"),
+            describe_margins_of(found.own.margins),
+        ),
         f"both inputs at once, independently: disk margin {found.own.margins.disk.margin:.4g} at {found.own.margins.disk.frequency:.4g} rad/s",
         Grid(f"Load step of {load_step:g} N m on the nonlinear engine", RUNS, describe_runs(found)),
         text_on=out,

@@ -15,8 +15,8 @@ from revline.dde.simulate import Start
 from revline.dde.tolerance import simulate_to_tolerance
 from revline.dde.trajectory import Trajectory
 from revline.design.loop_simulation import describe_stall
-from revline.design.mid_ranging import TwoInputSignals
 from revline.design.mid_ranging_margins import close_both, resting_point
+from revline.design.one_input import TwoInputSignals
 from revline.design.outcome import Stalled
 from revline.design.torque_reserve import TorqueReserve
 from revline.design.two_output_system import OutputRange, TwoOutputGains
@@ -129,7 +129,9 @@ class LoadStepRun:
     @property
     def return_time(self) -> float | None:
         """From when on the fast input stays at its set-point, within its band; none where it is not back by the last tenth."""
-        width = self.task.back * (self.reserve.range[1] - self.reserve.range[0] if self._endless else self.fast_range.high - self.fast_range.low)
+        width = self.task.back * (
+            self.reserve.range[1] - self.reserve.range[0] if self._endless else self.fast_range.high - self.fast_range.low
+        )
         return self._from_when(np.abs(self.fast - self.fast_range.rest) > width)
 
     @property

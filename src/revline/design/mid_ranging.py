@@ -2,7 +2,7 @@
 
 Steps, each from the exact linear model about the trim:
 
-1. Slow input alone: the PID gains of the largest integral gain at which Ms is the bound; the competitor, and the slow law's shape.
+1. Slow input alone: the PID gains of the least IAE after a step of the load at which Ms is the bound; the competitor (`one_input`).
 2. Fast loop, the slow input held: the PI gains of the largest integral gain at which Ms is 1 + share (bound - 1).
 3. Slow loop around the closed fast one: among PI gains of the fast demand, with parts of the derivative of step 1, those of the largest
    integral gain at which four loops keep the bound and the crossovers stay apart: broken at the fast input, at the slow one, at both
@@ -17,23 +17,17 @@ Source: mid-ranging: Allison and Isaksson (1998), Journal of Process Control 8(5
 Panagopoulos and Hagglund (1998), Automatica 34(5), 585-601.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from revline.analysis.linearize import Linearization, linearize
 from revline.analysis.trim import Trim
-from revline.design.closed_loop import LoopSignals
-from revline.design.gain_region import find_gain_region
-from revline.design.loop_family import family_of_system
-from revline.design.sensitivity_contour import find_sensitivity_contour
+from revline.design.one_input import SPEED_BY_SPARK_AND_THROTTLE, OneInputGains, TwoInputSignals, largest_integral, tune_one_input
 from revline.design.torque_reserve import TorqueReserve, find_torque_reserve
 from revline.design.two_input_loops import LoopGains, TwoInputPlant, peaks_of_rays
 from revline.errors import AnalysisError, InvalidInputError, out_of_range
-from revline.lti.interconnection import select
-from revline.lti.state_space import DelayStateSpace, position
 from revline.system import DelaySystem, Floats
 
 RAYS, LEVELS, ZOOMS = 21, 30, 3
@@ -54,24 +48,6 @@ Neighbours on a ray are so close that none is skipped: between peaks below it on
 
 SAFE = 0.998
 """Part of the bound on Ms that candidates keep on their grid, so that the chosen one keeps it between its frequencies."""
-
-KD_SAMPLES = 9
-"""Derivative gains that are tried before the best is improved."""
-
-
-class TwoInputSignals(NamedTuple):
-    """Names of the signals: both inputs, what is measured, its rate, what disturbs, and what the fast input acts on."""
-
-    fast: str = "spark"
-    slow: str = "throttle"
-    measurement: str = "engine_speed"
-    measurement_rate: str = "engine_acceleration"
-    disturbance: str = "load_torque"
-    quantity: str = "indicated_torque"
-
-
-SPEED_BY_SPARK_AND_THROTTLE = TwoInputSignals()
-"""Engine speed by the spark, at once, and by the throttle, for good."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,14 +76,6 @@ class MidRangingBounds:
             raise out_of_range("separation of the crossovers", self.separation, "", "1 to 100", "give one such as 3")
 
 
-class PidOfSlow(NamedTuple):
-    """Gains of the slow input alone, per error: the competitor of one input."""
-
-    kp: float
-    ki: float
-    kd: float
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MidRangingDesign:
     """Gains of both controllers and what they were made from.
@@ -128,7 +96,7 @@ class MidRangingDesign:
     signals: TwoInputSignals
     bounds: MidRangingBounds
     gains: LoopGains
-    alone: PidOfSlow
+    alone: OneInputGains
     resolution: float
     limiting: str
 
@@ -137,7 +105,7 @@ def design_mid_ranging(
     system: DelaySystem,
     trim: Trim,
     *,
-    bounds: MidRangingBounds = MidRangingBounds(),  # noqa: B008 - an immutable value
+    bounds: MidRangingBounds = MidRangingBounds(),
     signals: TwoInputSignals = SPEED_BY_SPARK_AND_THROTTLE,
 ) -> MidRangingDesign:
     """Design both loops of a mid-ranging controller, and the slow input alone for comparison.
@@ -163,8 +131,8 @@ def design_mid_ranging(
         raise InvalidInputError(message, unstable=trim.unstable_count)
     linear = linearize(system, trim)
     model = linear.model
-    alone = _slow_alone(model, signals, bounds.ms)
-    kp, ki = _largest_integral(model, (signals.fast, signals), 0.0, 1.0 + bounds.fast_share * (bounds.ms - 1.0), sign=reserve.sign)
+    alone = tune_one_input(model, signals.slow, signals, ms=bounds.ms)
+    kp, ki = largest_integral(model, (signals.fast, signals), 1.0 + bounds.fast_share * (bounds.ms - 1.0), sign=reserve.sign)
     plant = TwoInputPlant.of(model, signals.fast, signals.slow, signals.measurement, sign=reserve.sign)
     gains, resolution, limiting = _slow_loop(plant, (kp, ki), alone, bounds)
     return MidRangingDesign(
@@ -179,63 +147,7 @@ def design_mid_ranging(
     )
 
 
-def _largest_integral(
-    model: DelayStateSpace, wires: tuple[str, TwoInputSignals], kd: float, peak: float, *, sign: float = 1.0
-) -> tuple[float, float]:
-    """The (kp, ki) of the largest ki at which the sensitivity of one input's loop has a peak.
-
-    Raises:
-        AnalysisError: no gains have it.
-    """
-    drive, signals = wires
-    column, row, rate = (
-        position(model.inputs, drive),
-        position(model.outputs, signals.measurement),
-        position(model.outputs, signals.measurement_rate),
-    )
-    one = select(model, [column], [row, rate])
-    loop = LoopSignals(drive=drive, measurement=signals.measurement, measurement_rate=signals.measurement_rate)
-    family = family_of_system(_turned(one, sign), kd=kd, wires=loop, name=f"{signals.measurement} by {drive}")
-    contour = find_sensitivity_contour(find_gain_region(family), peak)
-    if not contour.ki.size:
-        message = f"no PI gains of {drive} have Ms = {peak:g} with kd = {kd:g}; allow a larger Ms"
-        raise AnalysisError(message, peak=peak, kd=kd)
-    best = int(np.argmax(contour.ki))
-    return float(contour.kp[best]), float(contour.ki[best])
-
-
-def _turned(model: DelayStateSpace, sign: float) -> DelayStateSpace:
-    """The same model for an input of the other sign."""
-    return replace(model, Bu=sign * model.Bu, Dzu=sign * model.Dzu, Dyu=sign * model.Dyu)
-
-
-def _slow_alone(model: DelayStateSpace, signals: TwoInputSignals, ms: float) -> PidOfSlow:
-    """PID gains of the slow input of the largest integral gain over all derivative gains."""
-    wires = (signals.slow, signals)
-    kp, ki = _largest_integral(model, wires, 0.0, ms)
-    unit = kp * kp / ki  # of a derivative time kp/ki
-
-    def value(log_kd: float) -> float:
-        try:
-            return -_largest_integral(model, wires, unit * float(np.exp(log_kd)), ms)[1]
-        except (AnalysisError, InvalidInputError):  # too much derivative action: no gains are left
-            return 0.0
-
-    grid = np.linspace(np.log(0.03), np.log(30.0), KD_SAMPLES)
-    values = [value(float(k)) for k in grid]
-    at = int(np.argmin(values))
-    if not -values[at] > ki:
-        return PidOfSlow(kp, ki, 0.0)
-    width = float(grid[1] - grid[0])
-    found = minimize_scalar(value, bounds=(grid[at] - width, grid[at] + width), method="bounded", options={"xatol": 0.02})
-    log_kd = float(found.x) if found.fun <= values[at] else float(grid[at])
-    kd = unit * float(np.exp(log_kd))
-    return PidOfSlow(*_largest_integral(model, wires, kd, ms), kd)
-
-
-def _slow_loop(
-    plant: TwoInputPlant, fast: tuple[float, float], alone: PidOfSlow, bounds: MidRangingBounds
-) -> tuple[LoopGains, float, str]:
+def _slow_loop(plant: TwoInputPlant, fast: tuple[float, float], alone: OneInputGains, bounds: MidRangingBounds) -> tuple[LoopGains, float, str]:
     """Slow gains of the largest integral gain within the bounds: a grid of rays for each share of the derivative, the best zoomed into."""
     kp, ki = fast
     base, widest = alone.ki / kp, alone.kp / alone.ki
@@ -253,9 +165,7 @@ def _slow_loop(
         levels = np.concatenate((np.geomspace(WEAKEST * base, found.level, LEVELS)[:-1], finer))
         step = float(finer[1] / finer[0])
         found = _best(plant, fast, (times, levels, found.derivative), bounds)
-    gains = LoopGains(
-        kp=kp, ki=ki, slow_kp=found.time * found.level, slow_ki=found.level, slow_kd=found.derivative * kp * found.level
-    )
+    gains = LoopGains(kp=kp, ki=ki, slow_kp=found.time * found.level, slow_ki=found.level, slow_kd=found.derivative * kp * found.level)
     return gains, step - 1.0, found.limiting
 
 

@@ -130,7 +130,10 @@ def compare_mid_ranging(
         fast_limits(reserve, limits.fast_low, limits.fast_high),
         OutputRange(plants[0].trim.input(signals.slow), limits.slow_low, limits.slow_high),
     )
-    laws = ((f"{signals.fast} and {signals.slow}", law_of(design.gains, reserve.sign)), (f"{signals.slow} alone", law_of_slow_alone(design)))
+    laws = (
+        (f"{signals.fast} and {signals.slow}", law_of(design.gains, reserve.sign)),
+        (f"{signals.slow} alone", law_of_slow_alone(design)),
+    )
     compared = []
     for k, (name, system, trim) in enumerate(plants):
         margins = find_mid_ranging_margins(design, system, trim, name=name) if k else confirm_design(design, system, trim)

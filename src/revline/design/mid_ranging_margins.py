@@ -16,7 +16,8 @@ from revline.connection import connect
 from revline.design.closed_loop import LoopSignals
 from revline.design.controller import PidGains
 from revline.design.margins import Margins, find_margins
-from revline.design.mid_ranging import MidRangingDesign, TwoInputSignals
+from revline.design.mid_ranging import MidRangingDesign
+from revline.design.one_input import TwoInputSignals
 from revline.design.open_loop import OpenLoop, open_loop_of_system
 from revline.design.two_input_loops import LoopGains, TwoInputDisk, TwoInputPlant, broken_loops, find_two_input_disk, loops_of
 from revline.design.two_output_system import OutputRange, TwoOutputGains, two_output_system
@@ -94,9 +95,7 @@ def law_of_slow_alone(design: MidRangingDesign) -> TwoOutputGains:
     )
 
 
-def close_both(
-    system: DelaySystem, law: TwoOutputGains, *, fast: OutputRange, slow: OutputRange, signals: TwoInputSignals
-) -> DelaySystem:
+def close_both(system: DelaySystem, law: TwoOutputGains, *, fast: OutputRange, slow: OutputRange, signals: TwoInputSignals) -> DelaySystem:
     """Connect the controller to the system; the last input is the command.
 
     Raises:
@@ -155,9 +154,7 @@ def find_mid_ranging_margins(design: MidRangingDesign, system: DelaySystem, trim
     g = design.gains
     left = open_loop_of_system(model, _pid(design, g.slow_kp * g.kp, g.slow_ki * g.kp, g.slow_kd), wires=wires)
     alone = open_loop_of_system(model, _pid(design, design.alone.kp, design.alone.ki, design.alone.kd), wires=wires)
-    broken: dict[str, OpenLoop] = broken_loops(
-        plant, g, unstable=float(roots.unstable_count), unstable_at_limit=left.unstable_poles
-    )
+    broken: dict[str, OpenLoop] = broken_loops(plant, g, unstable=float(roots.unstable_count), unstable_at_limit=left.unstable_poles)
     loops = {key: find_margins(entry) for key, entry in {**broken, "slow alone": alone}.items()}
     fast_alone = find_margins(
         OpenLoop(name=f"{signals.fast} alone", transfer=loops_of(plant, g)[0], delay=float(np.min(model.lags)), unstable_poles=0.0)
