@@ -27,7 +27,7 @@ RUNS = (
 )
 
 
-def mid_ranging(  # noqa: PLR0913 - a command's options
+def mid_ranging(
     *,
     throttle: ThrottleOption,
     load_step: Annotated[float, typer.Option("--load-step", metavar="N_M", help="Step of the load torque at time 0 [N m].")],
@@ -81,7 +81,7 @@ def mid_ranging(  # noqa: PLR0913 - a command's options
     with shell.progress("steps of the load; the first run of all compiles the loop") as progress:
         plants = _plants(system, inputs, lag_spread)
         found = compare_mid_ranging(design, plants, task, limits=OutputLimits(spark_low, spark_high, low, high), progress=progress)
-    record = mid_ranging_record(found)
+    record, disk = mid_ranging_record(found), found.own.margins.disk
     shell.warn(*record["warnings"])  # type: ignore[misc] # a list of texts
     shell.write(out, mid_ranging_csv(found) if out else "", "load steps")
     if plot is not None:
@@ -96,7 +96,7 @@ def mid_ranging(  # noqa: PLR0913 - a command's options
             ("loop broken at", "Ms", "gain margin [dB]", "delay margin [ms]"),
             describe_margins_of(found.own.margins),
         ),
-        f"both inputs at once, independently: disk margin {found.own.margins.disk.margin:.4g} at {found.own.margins.disk.frequency:.4g} rad/s",
+        f"both inputs at once, each by itself: disk margin {disk.margin:.4g} at {disk.frequency:.4g} rad/s",
         Grid(f"Load step of {load_step:g} N m on the nonlinear engine", RUNS, describe_runs(found)),
         text_on=out,
     )

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from revline import signals as inputs
 from revline.analysis.trim import Trim
@@ -129,16 +130,10 @@ class LoadStepRun:
     @property
     def return_time(self) -> float | None:
         """From when on the fast input stays at its set-point, within its band; none where it is not back by the last tenth."""
-        width = self.task.back * (
-            self.reserve.range[1] - self.reserve.range[0] if self._endless else self.fast_range.high - self.fast_range.low
-        )
+        width = self.task.back * (self.fast_range.high - self.fast_range.low)
         return self._from_when(np.abs(self.fast - self.fast_range.rest) > width)
 
-    @property
-    def _endless(self) -> bool:
-        return not math.isfinite(self.fast_range.high - self.fast_range.low)
-
-    def _from_when(self, outside: np.ndarray) -> float | None:  # type: ignore[type-arg]
+    def _from_when(self, outside: NDArray[np.bool_]) -> float | None:
         last = np.flatnonzero(outside)
         if not last.size:
             return 0.0
@@ -205,7 +200,8 @@ def fast_limits(reserve: TorqueReserve, low: float | None = None, high: float | 
 
     Args:
         reserve: of the fast input.
-        low, high: limits asked for.
+        low: lower limit asked for.
+        high: upper limit asked for.
 
     Raises:
         InvalidInputError: a limit lies beyond where the gain keeps its sign, or the set-point is not between them.

@@ -9,9 +9,9 @@ Steps, each from the exact linear model about the trim:
    together (the measurement), and what is left while the fast input stands at its limit.
 
 With a tracking time of kp/ki the fast controller at its limit asks for limit + kp e, so that the slow controller is left with a PID
-controller of the error: the fourth loop. Gains are followed from zero along rays of one integral time, which end where a loop comes near to
-instability; `confirm_design` proves what was chosen by margins and roots. The largest integral gain is the least integral of the error after
-a step of the load.
+controller of the error: the fourth loop. Gains are followed from zero along rays of one integral time, which end where a loop comes near
+to instability; `confirm_design` proves what was chosen by margins and roots. The largest integral gain of the slow loop is the least
+integral of what the fast input is away from its set-point, after a step of the load.
 
 Source: mid-ranging: Allison and Isaksson (1998), Journal of Process Control 8(5-6), 469-474; largest integral gain under Ms: Astrom,
 Panagopoulos and Hagglund (1998), Automatica 34(5), 585-601.
@@ -147,7 +147,9 @@ def design_mid_ranging(
     )
 
 
-def _slow_loop(plant: TwoInputPlant, fast: tuple[float, float], alone: OneInputGains, bounds: MidRangingBounds) -> tuple[LoopGains, float, str]:
+def _slow_loop(
+    plant: TwoInputPlant, fast: tuple[float, float], alone: OneInputGains, bounds: MidRangingBounds
+) -> tuple[LoopGains, float, str]:
     """Slow gains of the largest integral gain within the bounds: a grid of rays for each share of the derivative, the best zoomed into."""
     kp, ki = fast
     base, widest = alone.ki / kp, alone.kp / alone.ki

@@ -182,8 +182,8 @@ def confirm_design(design: MidRangingDesign, system: DelaySystem, trim: Trim) ->
     apart = found.fast_crossover / found.slow_crossover
     if not (found.stable and worst <= bounds.ms * (1.0 + KEPT) and apart >= bounds.separation * (1.0 - KEPT)):
         message = (
-            f"the design does not keep its bounds: stable {found.stable}, Ms {worst:.6g} (limit {bounds.ms:g}), crossovers {apart:.4g} apart "
-            f"(limit {bounds.separation:g}); ask for other bounds"
+            f"the design does not keep its bounds: stable {found.stable}, Ms {worst:.6g} (limit {bounds.ms:g}), crossovers {apart:.4g} "
+            f"apart (limit {bounds.separation:g}); ask for other bounds"
         )
         raise NotConvergedError(message, ms=worst, separation=apart)
     return found

@@ -130,13 +130,12 @@ def _least(
     """Of a contour's points the one with the least IAE, and that."""
     kd, answer = trial
     contour = _contour(model, wires, ms, kd, 1.0)
-    first, last = 0, contour.ki.size - 1
-    for _ in range(2):
-        chosen = np.unique(np.linspace(first, last, CANDIDATES).astype(int))
-        errors = answer.integrated_errors(contour.kp[chosen], contour.ki[chosen], kd)
-        at = int(np.argmin(errors))
-        first, last = int(chosen[max(at - 1, 0)]), int(chosen[min(at + 1, chosen.size - 1)])
-    return float(errors[at]), OneInputGains(float(contour.kp[chosen[at]]), float(contour.ki[chosen[at]]), kd)
+    coarse = np.unique(np.linspace(0, contour.ki.size - 1, CANDIDATES).astype(int))
+    at = int(np.argmin(answer.integrated_errors(contour.kp[coarse], contour.ki[coarse], kd)))
+    near = np.unique(np.linspace(coarse[max(at - 1, 0)], coarse[min(at + 1, coarse.size - 1)], CANDIDATES).astype(int))
+    errors = answer.integrated_errors(contour.kp[near], contour.ki[near], kd)
+    best = int(np.argmin(errors))
+    return float(errors[best]), OneInputGains(float(contour.kp[near[best]]), float(contour.ki[near[best]]), kd)
 
 
 class _LoadAnswer(NamedTuple):
@@ -151,11 +150,12 @@ class _LoadAnswer(NamedTuple):
     def of(cls, model: DelayStateSpace, drive: str, signals: TwoInputSignals, *, time: float) -> "_LoadAnswer":
         length = RECORD * time
         s = 2j * np.pi * np.arange(1, TERMS + 1) / length
-        values = model.transfer(s)[:, position(model.outputs, signals.measurement)]
-        return cls(s, values[:, position(model.inputs, drive)], values[:, position(model.inputs, signals.disturbance)], length)
+        values = np.asarray(model.transfer(s)[:, position(model.outputs, signals.measurement)], dtype=np.complex128)
+        columns = position(model.inputs, drive), position(model.inputs, signals.disturbance)
+        return cls(np.asarray(s, dtype=np.complex128), values[:, columns[0]], values[:, columns[1]], length)
 
     def integrated_errors(self, kp: Floats, ki: Floats, kd: float) -> Floats:
-        """IAE after a unit step of the disturbance, for some gains, shape (n,); an answer that outlasts the record counts by what laps over."""
+        """IAE after a unit step of the disturbance, for some gains, shape (n,); what outlasts the record laps over."""
         law = kp[:, None] + ki[:, None] / self.s + kd * self.s
         answer = self.by_load / (1.0 + self.by_drive * law) / self.s
         series = np.fft.irfft(np.concatenate((np.zeros((kp.size, 1)), answer), axis=1), axis=1) * (2.0 * TERMS / self.length)

@@ -181,12 +181,13 @@ def find_two_input_disk(plant: TwoInputPlant, gains: LoopGains) -> TwoInputDisk:
     """Find how far gain and phase of both inputs may change at once, independently of one another."""
     fast, slow = loops_of(plant, gains)
     omega = np.geomspace(plant.grid()[0], plant.grid()[-1], 4 * POINTS)
-    for _ in range(3):
-        sizes = structured_sizes(fast(1j * omega), slow(1j * omega))
+    sizes = structured_sizes(fast(1j * omega), slow(1j * omega))
+    for _ in range(2):
         at = int(np.argmax(sizes))
-        best = TwoInputDisk(1.0 / float(sizes[at]), float(omega[at]))
-        omega = np.linspace(omega[max(at - 1, 0)], omega[min(at + 1, omega.size - 1)], 200)
-    return best
+        omega = np.linspace(omega[max(at - 1, 0)], omega[min(at + 1, omega.size - 1)], 201)
+        sizes = structured_sizes(fast(1j * omega), slow(1j * omega))
+    at = int(np.argmax(sizes))
+    return TwoInputDisk(1.0 / float(sizes[at]), float(omega[at]))
 
 
 def structured_sizes(fast: Complexes, slow: Complexes) -> Floats:

@@ -2,13 +2,12 @@
 
 from collections.abc import Mapping
 
-import numpy as np
-
 from revline.design.load_steps import LoadStepRun, StalledRun
 from revline.design.mid_ranging_comparison import MidRangingComparison, PlantComparison
 from revline.design.mid_ranging_margins import MidRangingMargins
 from revline.io.csv_text import format_csv
 from revline.io.margin_records import margin_fields
+from revline.system import Floats
 
 SCHEMA = "revline.mid-ranging/1"
 Run = LoadStepRun | StalledRun
@@ -172,7 +171,7 @@ def _seconds(value: float | None) -> str:
 
 def mid_ranging_csv(found: MidRangingComparison) -> str:
     """Format the runs on the design's own plant as CSV; a run that stalled has no columns, and a comment says so."""
-    columns: list[tuple[str, np.ndarray]] = []  # type: ignore[type-arg]
+    columns: list[tuple[str, Floats]] = []
     notes: dict[str, str | float] = {"schema": SCHEMA, "load_step_n_m": found.task.size}
     for key, run in (("mid_ranging", found.own.both), ("throttle_alone", found.own.alone)):
         if isinstance(run, StalledRun):
