@@ -74,6 +74,11 @@ class MidRangingComparison:
         """What happened on the plant of the design."""
         return self.plants[0]
 
+    def all_warnings(self) -> tuple[str, ...]:
+        """Say what limits the linear model, limits near by among it, and then `warnings`."""
+        linear = self.design.linear
+        return (*linear.warnings(linear.find_limits()), *self.warnings())
+
     def warnings(self) -> tuple[str, ...]:
         """Say what limits the result: limits that were touched, loops that are unstable, stalled, or not at rest by the end."""
         found = []

@@ -50,7 +50,7 @@ def mid_ranging_record(found: MidRangingComparison) -> Mapping[str, object]:
         "load_step_n_m": found.task.size,
         "until_s": found.task.until,
         "plants": [_plant(entry) for entry in found.plants],
-        "warnings": [*design.linear.warnings(()), *found.warnings()],
+        "warnings": list(found.all_warnings()),
     }
 
 
