@@ -142,12 +142,12 @@ class LoadStepRun:
 
     @property
     def fast_travel(self) -> float:
-        """Way of the fast input, to and fro."""
+        """Way of the fast input, both ways."""
         return float(np.sum(np.abs(np.diff(self.fast))))
 
     @property
     def slow_travel(self) -> float:
-        """Way of the slow input, to and fro."""
+        """Way of the slow input, both ways."""
         return float(np.sum(np.abs(np.diff(self.slow))))
 
     @property

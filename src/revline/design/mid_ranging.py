@@ -42,6 +42,9 @@ SPREAD = 20.0
 WEAKEST = 1e-3
 """The first gain of a ray, relative to the competitor's."""
 
+BEYOND = 3
+"""Zooming looks this many steps of the coarser grid beyond its best: other integral times may reach further."""
+
 ALMOST_UNSTABLE = 4.0
 """A ray of gains from zero ends where a peak of the sensitivity passes this: beyond lie gains that only an unstable loop reaches.
 Neighbours on a ray are so close that none is skipped: between peaks below it on both sides |L| changes by less than the way through -1."""
@@ -163,7 +166,7 @@ def _slow_loop(
             message = f"no gains of the slow loop keep Ms = {bounds.ms:g} and crossovers {bounds.separation:g} apart; allow more of either"
             raise AnalysisError(message, ms=bounds.ms, separation=bounds.separation)
         times, ratio = _spread(found.time, ratio, RAYS)
-        finer = found.level * np.geomspace(1.0, step, LEVELS // 2)
+        finer = found.level * np.geomspace(1.0, step**BEYOND, LEVELS)
         levels = np.concatenate((np.geomspace(WEAKEST * base, found.level, LEVELS)[:-1], finer))
         step = float(finer[1] / finer[0])
         found = _best(plant, fast, (times, levels, found.derivative), bounds)
@@ -187,7 +190,10 @@ def _best(plant: TwoInputPlant, fast: tuple[float, float], rays: tuple[Floats, F
     reachable = np.logical_and.accumulate(np.all(peaks.peaks < ALMOST_UNSTABLE, axis=0), axis=1)
     top = np.max(np.where(reachable & ~np.any(broken, axis=0), levels, 0.0), axis=1)
     at = int(np.argmax(top))
-    beyond = broken[:, at, min(int(np.searchsorted(levels, top[at])) + 1, levels.size - 1)]
+    following = int(np.searchsorted(levels, top[at])) + 1
+    if following >= levels.size:
+        return _Found(float(top[at]), float(times[at]), derivative, "the largest gain tried")
+    beyond = broken[:, at, following]
     limiting = ", ".join(name for name, bad in zip(peaks.names, beyond, strict=True) if bad)
     return _Found(float(top[at]), float(times[at]), derivative, limiting)
 
