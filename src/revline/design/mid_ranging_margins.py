@@ -4,9 +4,7 @@ The roots are those of the nonlinear controller connected to the nonlinear syste
 functions. At a root, 1 plus the loop broken at the measurement is zero: how nearly is told, and ties both routes together.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 
@@ -46,19 +44,24 @@ class MidRangingMargins:
     """What a design keeps on one plant.
 
     Attributes:
-        loops: margins by where the loop is broken: "fast", "slow", "both", "fast at its limit", and "slow alone", the competitor.
+        broken: where the loop is broken, and the margins there: "fast", "slow", "both", "fast at its limit", "slow alone", the competitor.
         disk: both inputs changed at once, independently.
         roots: right-most characteristic roots of the closed loop.
         disagreement: largest |1 + L| at the listed roots, relative to the loops' sizes.
         fast_crossover, slow_crossover: highest frequencies at which the fast loop alone and the slow loop around it have gain 1, in rad/s.
     """
 
-    loops: Mapping[str, Margins]
+    broken: tuple[tuple[str, Margins], ...]
     disk: TwoInputDisk
     roots: RightmostRoots
     disagreement: float
     fast_crossover: float
     slow_crossover: float
+
+    @property
+    def loops(self) -> dict[str, Margins]:
+        """Margins by where the loop is broken."""
+        return dict(self.broken)
 
     @property
     def stable(self) -> bool:
@@ -160,7 +163,7 @@ def find_mid_ranging_margins(design: MidRangingDesign, system: DelaySystem, trim
         OpenLoop(name=f"{signals.fast} alone", transfer=loops_of(plant, g)[0], delay=float(np.min(model.lags)), unstable_poles=0.0)
     )
     return MidRangingMargins(
-        loops=MappingProxyType(loops),
+        broken=tuple(loops.items()),
         disk=find_two_input_disk(plant, g),
         roots=roots,
         disagreement=disagreement,
