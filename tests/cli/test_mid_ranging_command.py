@@ -27,3 +27,6 @@ def test_a_set_point_without_authority_is_refused(revline: Command) -> None:
     done = revline("mid-ranging", "--throttle", 12, "--spark", 0, "--load-step", 4)
     assert done.status == 2
     assert "no authority over indicated_torque" in done.err
+    done = revline("mid-ranging", "--throttle", 12, "--load-step", 4, "--lag-spread", 100)
+    assert done.status == 2
+    assert "--lag-spread = 100 %" in done.err

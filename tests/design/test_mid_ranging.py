@@ -214,6 +214,15 @@ def test_a_load_that_stalls_the_engine_is_an_outcome(design: MidRangingDesign) -
         plot_load_steps(found)
 
 
+def test_loops_that_another_plant_makes_unstable_are_named(design: MidRangingDesign) -> None:
+    slow = with_lags(2.0)
+    plants = (PlantCase("nominal", ENGINE, IDLE), PlantCase("lags doubled", slow, trim_at(12.0, -20.0, slow)))
+    found = compare_mid_ranging(design, plants, LoadStep(size=1.0, until=3.0), limits=OutputLimits(slow_low=0.0, slow_high=79.0))
+    texts = found.all_warnings()
+    assert "lags doubled: the linear loop of throttle alone is unstable" in texts
+    assert any(text.startswith("lags doubled, throttle alone: engine_speed is not settled within 3 s") for text in texts)
+
+
 def test_at_its_limit_the_fast_controller_asks_for_the_limit_and_its_proportional_term() -> None:
     """With a tracking time of kp/ki the integral term rests at the limit whatever the error is; with another it does not."""
     law = TwoOutputGains(7.0, 70.0, 0.01, 0.1, 0.0, 0.0, fast_tracking=10.0, slow_tracking=10.0)

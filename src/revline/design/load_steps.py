@@ -4,6 +4,7 @@ Source: the idle-speed problem as in Hrovat and Sun (1997), Control Engineering 
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -12,8 +13,8 @@ from numpy.typing import NDArray
 
 from revline import signals as inputs
 from revline.analysis.trim import Trim
-from revline.dde.simulate import Start
-from revline.dde.tolerance import simulate_to_tolerance
+from revline.dde.simulate import Options, Start
+from revline.dde.tolerance import ConvergedRun, simulate_to_tolerance
 from revline.dde.trajectory import Trajectory
 from revline.design.loop_simulation import describe_stall
 from revline.design.mid_ranging_margins import close_both, resting_point
@@ -21,9 +22,13 @@ from revline.design.one_input import TwoInputSignals
 from revline.design.outcome import Stalled
 from revline.design.torque_reserve import TorqueReserve
 from revline.design.two_output_system import OutputRange, TwoOutputGains
-from revline.errors import InvalidInputError, SimulationError, out_of_range
+from revline.errors import InvalidInputError, LagError, SimulationError, out_of_range
+from revline.signals import Signal
 from revline.system import DelaySystem, Floats, index_of
 from revline.values import make_read_only
+
+FINER, FINEST = 4, 16
+"""A run that fails by a lag is made again with its samples the first times closer, up to the second."""
 
 CONTROLLER_OUTPUTS = 4
 """The controller's outputs are the last of a loop: fast, slow, and both before their limits."""
@@ -246,12 +251,23 @@ def run_load_step(
     loop = close_both(case.system, case.law, fast=fast, slow=slow, signals=signals)
     point = resting_point(loop, case.trim, case.trim.output(signals.measurement))
     drive = {signals.disturbance: inputs.step(task.size)}
-    start = Start(states=point.states, inputs=point.inputs)
+    found = _simulate(loop, Start(states=point.states, inputs=point.inputs), drive, task)
+    if isinstance(found, SimulationError):
+        return StalledRun(name=case.name, task=task, stalled=describe_stall(found, loop))
+    return _record(case.name, task, reserve, ranges, (found.trajectory, found.difference, index_of(loop.outputs, signals.measurement)))
+
+
+def _simulate(
+    loop: DelaySystem, start: Start, drive: Mapping[str, Signal], task: LoadStep, pieces: int = 1
+) -> ConvergedRun | SimulationError:
+    """Run to a tolerance; what fails by a lag is run again with shorter steps, to tell whether the step or the model is at fault."""
+    options, interval = Options(every=pieces), task.interval / pieces
     try:
-        run = simulate_to_tolerance(loop, start, drive, until=task.until, interval=task.interval, tolerance=task.tolerance)
-    except SimulationError as failure:
-        return StalledRun(name=case.name, task=task, stalled=describe_stall(failure, loop))
-    return _record(case.name, task, reserve, ranges, (run.trajectory, run.difference, index_of(loop.outputs, signals.measurement)))
+        return simulate_to_tolerance(loop, start, drive, until=task.until, interval=interval, tolerance=task.tolerance, options=options)
+    except LagError as error:
+        return error if pieces >= FINEST else _simulate(loop, start, drive, task, FINER * pieces)
+    except SimulationError as error:
+        return error
 
 
 def _record(

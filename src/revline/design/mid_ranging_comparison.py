@@ -85,6 +85,8 @@ class MidRangingComparison:
         for plant in self.plants:
             if not plant.margins.stable:
                 found.append(f"{plant.name}: the linear loop is unstable, with both inputs or with {self.design.signals.fast} at its limit")
+            if not plant.margins.loops["slow alone"].stable:
+                found.append(f"{plant.name}: the linear loop of {self.design.signals.slow} alone is unstable")
             for run in (plant.both, plant.alone):
                 found += [f"{plant.name}, {run.name}: {text}" for text in _remarks(run, self.design)]
         return tuple(found)
