@@ -10,7 +10,7 @@ import hashlib
 import re
 from collections.abc import Callable, Iterator
 from types import CodeType, FunctionType, ModuleType
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, ClassVar, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -26,6 +26,12 @@ ALLOWED_FUNCTIONS = frozenset(
 )
 """Functions of numpy that an equation may call: each compiles and keeps its derivative on complex numbers."""
 
+UPDATE_FUNCTIONS = frozenset({"add", "subtract", "multiply", "divide", "negative", "minimum", "maximum", "fmin", "fmax"})
+"""Functions of numpy that a sampled controller may call: every computer gives the same result to the last bit.
+
+`fmin` and `fmax` pass over what is no number, which lets a controller go on without a sensor.
+"""
+
 
 LIBRARIES = frozenset({"numpy", "numba"})
 """Packages whose functions are not looked into: their version is the compiler's."""
@@ -40,6 +46,9 @@ def equation(function: Callable[P, R]) -> Callable[P, R]:
 class Traced:
     """A scalar that remembers which arguments it was computed from."""
 
+    allowed: ClassVar[frozenset[str]] = ALLOWED_FUNCTIONS
+    why_not: ClassVar[str] = "which does not keep derivatives"
+
     __slots__ = ("sources",)
     __hash__ = None  # type: ignore[assignment]  # a traced value has no value to hash or compare
 
@@ -47,21 +56,28 @@ class Traced:
         self.sources = sources
 
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: object, **_: object) -> "Traced":
-        if ufunc.__name__ not in ALLOWED_FUNCTIONS or method != "__call__":
-            allowed = ", ".join(sorted(ALLOWED_FUNCTIONS))
-            message = f"an equation calls numpy.{ufunc.__name__}, which does not keep derivatives; use one of {allowed}"
+        if ufunc.__name__ not in self.allowed or method != "__call__":
+            message = f"an equation calls numpy.{ufunc.__name__}, {self.why_not}; use one of {', '.join(sorted(self.allowed))}"
             raise InvalidInputError(message, function=ufunc.__name__)
-        return Traced(frozenset[str]().union(*(item.sources for item in inputs if isinstance(item, Traced))))
+        return type(self)(frozenset[str]().union(*(item.sources for item in inputs if isinstance(item, Traced))))
 
     def _combine(self, other: object) -> "Traced":
-        return Traced(self.sources | other.sources) if isinstance(other, Traced) else self
+        return type(self)(self.sources | other.sources) if isinstance(other, Traced) else self
+
+    def _power(self, other: object) -> "Traced":
+        return self._combine(other)
 
     def _unary(self) -> "Traced":
         return self
 
     __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = _combine
-    __truediv__ = __rtruediv__ = __pow__ = __rpow__ = _combine
+    __truediv__ = __rtruediv__ = _combine
     __neg__ = __pos__ = _unary
+
+    def __pow__(self, other: object) -> "Traced":
+        return self._power(other)
+
+    __rpow__ = __pow__
 
     def _refuse_decision(self, *_: object) -> bool:
         message = "an equation decides on a value (if, <, >, == or abs); write the limit with numpy.minimum or numpy.maximum"
@@ -83,13 +99,27 @@ class Traced:
     __float__ = __complex__ = _refuse_conversion
 
 
-def trace(function: Equation, parameters: object, *arguments: tuple[str, int]) -> tuple[frozenset[str], ...]:
+class TracedUpdate(Traced):
+    """A scalar of a sampled controller: only what every computer does alike may be done to it."""
+
+    allowed = UPDATE_FUNCTIONS
+    why_not = "which not every computer rounds alike"
+
+    __slots__ = ()
+
+    def _power(self, _: object) -> "Traced":
+        message = "an equation raises to a power, which not every computer rounds alike; write the product"
+        raise InvalidInputError(message)
+
+
+def trace(function: Equation, parameters: object, *arguments: tuple[str, int], kind: type[Traced] = Traced) -> tuple[frozenset[str], ...]:
     """Find which arguments each result of an equation depends on, by its structure and not by sampled values.
 
     Args:
         function: equation called as function(parameters, a, b, ...) that returns a tuple.
         parameters: its first argument.
         arguments: for each further argument its letter and its length.
+        kind: of scalar that the equation is called with; it decides what may be done to it.
 
     Returns:
         For each result the names it depends on, for example frozenset({"x0", "u2"}).
@@ -98,7 +128,7 @@ def trace(function: Equation, parameters: object, *arguments: tuple[str, int]) -
         InvalidInputError: the equation fails, branches on a value, calls a function without derivative, or returns
             anything but a tuple of floating-point scalars.
     """
-    vectors = [tuple(Traced(frozenset({f"{letter}{k}"})) for k in range(length)) for letter, length in arguments]
+    vectors = [tuple(kind(frozenset({f"{letter}{k}"})) for k in range(length)) for letter, length in arguments]
     try:
         results = function(parameters, *vectors)
     except InvalidInputError:

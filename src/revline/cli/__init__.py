@@ -15,6 +15,7 @@ import typer
 
 from revline import __version__
 from revline.cli import (
+    accept_command,
     compare_command,
     engine_commands,
     limit_cycle_command,
@@ -26,6 +27,7 @@ from revline.cli import (
     model_commands,
     nu_gap_command,
     region_command,
+    relay_command,
     response_command,
     simulate_command,
     spectra_command,
@@ -132,6 +134,18 @@ COMMANDS = (
         mid_ranging_command.mid_ranging,
         "Speed by spark and throttle against a step of the load.",
         "revline mid-ranging --throttle 12 --spark -20 --load-step 4 --out idle.csv",
+    ),
+    Entry(
+        "relay",
+        relay_command.relay,
+        "Ultimate gain by a relay, by the exact model and by bisection.",
+        "revline relay --throttle 25 --amplitude 1",
+    ),
+    Entry(
+        "accept",
+        accept_command.accept,
+        "A controller's verdict on the sampled, noisy engine.",
+        "revline accept c2d.json --throttle 15,25,35 --load 0,20 --out verdict.json",
     ),
     Entry("study", study_commands.study, "The whole study into a folder, with its report.", "revline study --out out"),
     Entry("report", study_commands.report, "Make a study's report again.", "revline report out"),

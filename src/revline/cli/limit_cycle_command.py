@@ -58,7 +58,7 @@ def limit_cycle(
 
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "limit cycle")
-    gains = read_controller(controller).gains
+    gains = read_controller(controller).feedback_gains
     plant = load_engine(engine)
     trim = find_trim(plant, inputs={"throttle": throttle, "load_torque": load})
     limits = Limits(*throttle_limits((None, None), lee1995_parameters(plant).throttle.saturation_angle))

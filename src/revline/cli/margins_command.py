@@ -63,7 +63,7 @@ def margins(
 
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "margins")
-    gains = read_controller(files[-1]).gains
+    gains = read_controller(files[-1]).feedback_gains
     options = (unstable_poles, delay, columns, amplitude)
     if len(files) == 2 and files[0].suffix.lower() == ".csv":
         refuse_engine(EngineChoice(engine, throttle, load))

@@ -50,7 +50,7 @@ def nu_gap(
     shell = Shell(json=json, quiet=quiet)
     _check_plot(plot, controller)
     shell.prepare_each((out, "table of chords"), (plot, "figure"))
-    gains = None if controller is None else read_controller(controller).gains
+    gains = None if controller is None else read_controller(controller).feedback_gains
     first, second = _plants(files, EngineChoice(engine, throttle, load))
     if controller is None or gains is None:
         gap = find_nu_gap(first, second)

@@ -142,7 +142,7 @@ def _marks(paths: Sequence[Path]) -> "tuple[Mark, ...]":
     from revline.design.gain_slices import mark_controller
     from revline.io.controller_files import read_controller
 
-    return tuple(mark_controller(path.stem, read_controller(path).gains) for path in paths)
+    return tuple(mark_controller(path.stem, read_controller(path).feedback_gains) for path in paths)
 
 
 def _simulation(plant: _Plant, rays: int, step: float, workers: int) -> _Simulation | None:

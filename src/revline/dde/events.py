@@ -38,8 +38,9 @@ def set_inputs(s: Record, time: float, reference: float) -> None:
 
 
 def next_break(s: Record) -> float:
-    """Time of the next input break, or infinity."""
-    return breaks_of(s)[s.next_break, 0] if s.next_break < s.breaks_rows else FAR
+    """Time of the next input break or of a sampled controller's next event, or infinity."""
+    known = breaks_of(s)[s.next_break, 0] if s.next_break < s.breaks_rows else FAR
+    return s.event if s.event < known else known
 
 
 def choose_step(s: Record) -> None:
@@ -127,7 +128,8 @@ def take_orders(s: Record, channels: int) -> None:
     breaks, segments = breaks_of(s), segments_of(s)
     s.landing = FAR
     for k in range(s.input_orders.shape[0]):
-        s.input_orders[k] = NEVER
+        s.input_orders[k] = s.event_orders[k]
+        s.event_orders[k] = NEVER
     while s.next_break < s.breaks_rows and breaks[s.next_break, 0] <= s.time + s.tolerance:
         for k in range(breaks.shape[1] - 1):
             s.input_orders[k] = lower(s.input_orders[k], np.int64(breaks[s.next_break, 1 + k]))

@@ -13,13 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from revline.dde import events, stepping
+from revline.dde import events, sampling, stepping
 from revline.dde.compiling import Layout, compile_kernel
 from revline.dde.history import SMOOTH, begin_segment, read_cubic, read_linear
 from revline.dde.memory import load_tuple, loader_of, parameter_type, samples_of, store_tuple
 from revline.dde.run import AT_BREAK, DONE, NEEDS_ROOM, REFUSED, Floats, Record, state_type
+from revline.dde.sampling import Sampler, no_event, sampler_of
 from revline.dde.tableau import RK4, Tableau
 from revline.equations import Equation
+from revline.sampled import SampledController
 from revline.system import DelaySystem
 
 Kernel = Callable[[Any], int]
@@ -63,22 +65,24 @@ class Specialisation:
     method: Method
     chained: bool
     equations: tuple[Equation, Equation, Equation, Equation] = field(compare=False, repr=False)
+    sampler: Sampler | None = None
 
 
-def build_kernel(system: DelaySystem, method: Method = STANDARD) -> Kernel:
+def build_kernel(system: DelaySystem, method: Method = STANDARD, controller: SampledController | None = None) -> Kernel:
     """Specialise the kernel to a system's equations; parameters, inputs and states are read from the run's state.
 
     Args:
         system: whose emit, lags, rate and output are compiled in.
         method: what integrates.
+        controller: whose update is compiled in too, where one is sampled.
 
     Returns:
         A compiled function of a state (an array of one record); it advances the run and returns a status.
     """
-    return specialise(specialisation_of(system, method))
+    return specialise(specialisation_of(system, method, controller))
 
 
-def specialisation_of(system: DelaySystem, method: Method = STANDARD) -> Specialisation:
+def specialisation_of(system: DelaySystem, method: Method = STANDARD, controller: SampledController | None = None) -> Specialisation:
     """Tell which kernel a system needs."""
     return Specialisation(
         digest=system.equation_digest,
@@ -87,6 +91,7 @@ def specialisation_of(system: DelaySystem, method: Method = STANDARD) -> Special
         method=method,
         chained=any(name.startswith("zd") for sources in system.structure.lags for name in sources),
         equations=(system.emit, system.lags, system.rate, system.output),
+        sampler=None if controller is None else sampler_of(controller),
     )
 
 
@@ -100,8 +105,12 @@ def specialise(special: Specialisation) -> Kernel:
         "try_step": _make_try_step(special, load_parameters, read_channels),
         "emit_now": _make_emit_now(special, load_parameters),
         "store": _make_store(special, load_parameters),
+        "aim": sampling.aim if special.sampler else no_event,
+        "missed": sampling.missed if special.sampler else no_event,
+        "sample": _make_sample(special, special.sampler, load_parameters) if special.sampler else no_event,
     }
-    return compile_kernel(functools.partial(_make_advance, special), parts, special.equations, special.layout)
+    equations = special.equations if special.sampler is None else (*special.equations, special.sampler.update)
+    return compile_kernel(functools.partial(_make_advance, special), parts, equations, special.layout)
 
 
 def _make_advance(special: Specialisation, parts: Any) -> Kernel:
@@ -114,16 +123,18 @@ def _make_advance(special: Specialisation, parts: Any) -> Kernel:
         while s.grid_index <= s.grid_target:
             if stepping.lacks_room(s):
                 return NEEDS_ROOM
+            parts.aim(s)
             events.choose_step(s)
             searching = True
             while searching:
                 parts.try_step(s)
-                searching = events.seek_breakpoint(s, channels)
+                searching = events.seek_breakpoint(s, channels) or parts.missed(s)
             if not stepping.adopt_step(s, states, channels):
                 return REFUSED
             parts.emit_now(s)
             stepping.keep_emitted(s, channels)
             if s.place == AT_BREAK:
+                parts.sample(s)
                 rough = stepping.pass_breakpoints(s, states, channels, smooth)
                 parts.read_channels(s, s.time)
                 if not stepping.adopt_readings(s, channels):
@@ -220,3 +231,21 @@ def _make_store(special: Specialisation, load_parameters: Part) -> Part:
             s.stored += 1
 
     return store
+
+
+def _make_sample(special: Specialisation, sampler: Sampler, load_parameters: Part) -> Part:
+    _, _, _, output = special.equations
+    n_states, n_inputs, n_channels, _ = special.sizes
+    run_controller = sampling.make_update(sampler)
+
+    def sample(s: Record) -> bool:
+        """Let the controller's output take effect, or sample and update it, where it is time for either."""
+        sampling.act_if_due(s)
+        if sampling.is_due(s):
+            events.set_inputs(s, s.time, s.time + events.LANDED * s.tolerance)
+            x, u, zd = load_tuple(s.x, n_states), load_tuple(s.u, n_inputs), load_tuple(s.zd, n_channels)
+            store_tuple(output(load_parameters(s), x, u, zd), s.outputs)
+            run_controller(s)
+        return False
+
+    return sample

@@ -19,7 +19,7 @@ from numba.core.typing.templates import Signature
 from numba.extending import intrinsic
 from numba.np.arrayobj import make_array, populate_array
 
-from revline.dde.run import TABLES, Floats, Record
+from revline.dde.run import Floats, Record
 from revline.errors import InvalidInputError
 
 VIEW = types.Array(types.float64, 2, "C")
@@ -71,6 +71,12 @@ breaks_of = view_of("breaks")
 samples_of = view_of("samples")
 """What is stored: time, states, inputs, outputs."""
 
+disturbances_of = view_of("disturbances")
+"""What disturbs a sampled controller, one row per sample: shift of the sample, then what is added to each measurement."""
+
+updates_of = view_of("updates")
+"""What a sampled controller did, one row per sample: time, seconds since the one before, measurements, commands, states, outputs."""
+
 
 def _define_load(_: Any, array: Any, size: Any) -> Any:
     if not isinstance(size, types.IntegerLiteral):
@@ -104,12 +110,12 @@ store_tuple: Compiled = intrinsic(_define_store)
 """Write a tuple of numbers into the first places of an array: store_tuple(values, array)."""
 
 
-def loader_of(kind: Any) -> Compiled:
+def loader_of(kind: Any, table: str = "parameters") -> Compiled:
     """Make the function of a run's state that gives the parameters, a tuple of floats or of such, as a value of their own type."""
 
     def define(_: Any, s: Any) -> Any:
         def generate(context: Any, builder: Any, __: Any, arguments: Any) -> Any:
-            data = builder.inttoptr(_field(context, builder, s, arguments[0], "parameters_at"), POINTER)
+            data = builder.inttoptr(_field(context, builder, s, arguments[0], f"{table}_at"), POINTER)
             return _load(context, builder, kind, data, itertools.count())
 
         return Signature(kind, (s,), None), generate
@@ -193,6 +199,5 @@ def flatten(parameters: Any) -> Iterator[float]:
 
 def attach_tables(state: Record, tables: dict[str, Floats]) -> None:
     """Write addresses and shapes of all tables into a state; the caller keeps the arrays alive while a kernel runs."""
-    for name in TABLES:
-        table = tables[name]
+    for name, table in tables.items():
         state[f"{name}_at"], state[f"{name}_rows"], state[f"{name}_columns"] = table.ctypes.data, *table.shape

@@ -108,7 +108,7 @@ def simulate(
         raise out_of_range("step", step, "s", "values above 0", "give a step such as 0.001")
     check_resolved(signals, step)
     as_floats(system.parameters, system.name)
-    run = _new_run(system, start, step, options.every)
+    run = new_run(system, start, step, options.every)
     return _advance(system, signals, run, fingerprint(dict(signals)), until=until, options=options)
 
 
@@ -167,7 +167,12 @@ def held_channels(system: DelaySystem, start: Start) -> Floats:
     raise InvalidInputError(message)
 
 
-def _new_run(system: DelaySystem, start: Start, step: float, every: int) -> Run:
+def new_run(system: DelaySystem, start: Start, step: float, every: int) -> Run:
+    """Make the state of a run at its start.
+
+    Raises:
+        InvalidInputError: the start does not fit the system, or a lag there is no positive number above the step.
+    """
     for variables, values, what in ((system.states, start.states, "states"), (system.inputs, start.inputs, "inputs")):
         if np.shape(values) != (len(variables),):
             message = (
@@ -196,7 +201,7 @@ def _new_run(system: DelaySystem, start: Start, step: float, every: int) -> Run:
         s[field][: len(values)] = values
     runs.write_structure(system, s)
     columns = len(system.channels)
-    for field in ("boundary_time", "passing_time"):
+    for field in ("boundary_time", "passing_time", "event", "sample_time", "act_time"):
         s[field] = np.inf
     s["tolerance"] = TOLERANCE * step + ROUNDING * abs(start.time)
     s["grid_time"], s["landing"], s["search_channel"] = start.time, start.time, -1  # the start is a breakpoint
@@ -221,7 +226,7 @@ def _check_lags(system: DelaySystem, start: Start, initial: Floats, step: float)
             raise InvalidInputError(message + f"give a step below {lag:g} s", step=step, lag=lag, channel=variable.name)
 
 
-def _grid_target(s: runs.Record, until: float) -> tuple[int, tuple[str, ...]]:
+def grid_target(s: runs.Record, until: float) -> tuple[int, tuple[str, ...]]:
     """Grid point at which a run stops, and a note where that is not the time asked for."""
     present, origin, step = float(s["time"]), float(s["origin"]), float(s["step"])
     if not (math.isfinite(until) and until > present):
@@ -243,10 +248,10 @@ def _advance(
     system: DelaySystem, signals: Mapping[str, Signal], run: Run, signal_digest: str, *, until: float, options: Options
 ) -> Trajectory:
     s = run.state[0]
-    target, notes = _grid_target(s, until)
+    target, notes = grid_target(s, until)
     span = (float(s["origin"]), float(s["origin"]) + (target + 1) * float(s["step"]))
     inputs = tabulate_signals(system, s["base"][: len(system.inputs)], signals, span)
-    samples = _reserve_samples(system, s, target)
+    samples = reserve_samples(system, s, target)
     parameters = np.array([list(flatten(as_floats(system.parameters, system.name)))])
     tables = {**inputs, "parameters": parameters, "samples": samples}
     kernel = build_kernel(system, options.method)
@@ -269,13 +274,18 @@ def _advance(
     kept = make_room(run, 0)
     checkpoint = Checkpoint(system_digest=system.content_digest, signal_digest=signal_digest, method=options.method, run=kept)
     if done == target:
-        return _make_trajectory(system, samples, notes, checkpoint)
+        return make_trajectory(system, samples, notes, checkpoint)
     place = f"{system.name} at t = {checkpoint.time:.6g} s of {until:g} s"
-    run_so_far = _make_trajectory(system, samples[: int(s["stored"])], notes, checkpoint)
+    run_so_far = make_trajectory(system, samples[: int(s["stored"])], notes, checkpoint)
     raise StoppedError(f"{place}, stopped from outside", run=run_so_far, time=checkpoint.time)
 
 
-def _reserve_samples(system: DelaySystem, s: runs.Record, target: int) -> Floats:
+def reserve_samples(system: DelaySystem, s: runs.Record, target: int) -> Floats:
+    """Make room for all samples up to a grid point.
+
+    Raises:
+        InvalidInputError: they do not fit into memory.
+    """
     every = int(s["store_every"])
     rows = target // every - (int(s["grid_index"]) - 1) // every
     columns = 1 + len(system.states) + len(system.inputs) + len(system.outputs)
@@ -286,7 +296,8 @@ def _reserve_samples(system: DelaySystem, s: runs.Record, target: int) -> Floats
         raise InvalidInputError(message, samples=rows) from error
 
 
-def _make_trajectory(system: DelaySystem, samples: Floats, notes: tuple[str, ...], checkpoint: Checkpoint) -> Trajectory:
+def make_trajectory(system: DelaySystem, samples: Floats, notes: tuple[str, ...], checkpoint: Checkpoint) -> Trajectory:
+    """Give what was stored as a trajectory."""
     first, second = 1 + len(system.states), 1 + len(system.states) + len(system.inputs)
     return Trajectory(
         system=system.name,

@@ -2,7 +2,7 @@
 
 from revline.dde.events import LANDED, ROUNDING, TOLERANCE, next_break, set_inputs, spread_orders, take_orders
 from revline.dde.history import move_to_segment, push_node, skip_smooth
-from revline.dde.run import ROOM_NODES, ROOM_SEGMENTS, Record
+from revline.dde.run import ROOM_NODES, ROOM_SEGMENTS, ROOM_UPDATES, UNSAMPLED, Record
 
 MONOTONE = 1e-6
 """Steps shorter than this part of the grid's step are not asked whether the delayed time advanced: rounding would answer."""
@@ -10,7 +10,10 @@ MONOTONE = 1e-6
 
 def lacks_room(s: Record) -> bool:
     """Whether the tables could overflow in the next step."""
-    return s.nodes_rows - s.node_count < ROOM_NODES or s.segments_rows - s.newest_segment < ROOM_SEGMENTS
+    full = s.sampling != UNSAMPLED and (
+        s.updates_rows - s.updates_stored < ROOM_UPDATES or s.disturbances_rows - s.sample_index < ROOM_UPDATES
+    )
+    return full or s.nodes_rows - s.node_count < ROOM_NODES or s.segments_rows - s.newest_segment < ROOM_SEGMENTS
 
 
 def adopt_step(s: Record, states: int, channels: int) -> bool:

@@ -117,8 +117,11 @@ class Trajectory:
         return _column(self.states, self.state_names, name)
 
 
-def make_room(run: Run, steps: int) -> Run:
-    """Drop nodes and segments that no reading can reach any more, and make room for a number of grid steps; changes the state's indices."""
+def make_room(run: Run, steps: int, breaks: int = 16 * runs.ROOM_SEGMENTS) -> Run:
+    """Drop nodes and segments that no reading can reach any more, and make room for a number of grid steps and breaks.
+
+    It changes the state's indices.
+    """
     s = run.state[0]
     channels = run.nodes.shape[1] - runs.NODE_VALUES
     newest, count = int(s["newest_segment"]), int(s["node_count"])
@@ -130,7 +133,7 @@ def make_room(run: Run, steps: int) -> Run:
         if oldest == newest:
             first = max(first, min(used, count) - MARGIN_NODES)
     dropped = max(oldest - 1, 0)
-    segments = np.zeros((newest - dropped + 16 * runs.ROOM_SEGMENTS, run.segments.shape[1]))
+    segments = np.zeros((newest - dropped + breaks, run.segments.shape[1]))
     kept = run.segments[dropped + 1 : newest + 1]
     segments[1 : 1 + len(kept)] = kept
     segments[1 : 1 + len(kept), runs.SEGMENT_START] = np.maximum(kept[:, runs.SEGMENT_START] - first, 0)

@@ -1,19 +1,29 @@
-"""Controller files: the gains of a PID controller in JSON, with units, law and origin.
+"""Controller files: a PID controller in JSON, its gains with units, law and origin, and what an engine computer puts around them.
 
     {"schema": "revline.controller/1", "kp": 1.2, "ki": 2.0, "kd": 0.1, "input_unit": "rad/s", "output_unit": "deg",
      "rule": "fine-tuned", "designed_on": "g2d", ...}
 
-The three gains must be there; units are those above where a file names none. More keys may stand in the file.
+The three gains must be there; units are those above where a file names none. What else a controller has stands in further keys,
+each of which may be left out:
+
+    "setpoint_weight": 0.6, "derivative_weight": 0, "filter_time_s": 0.01, "output_low": 0, "output_high": 79.46, "rate_limit_per_s": 200,
+    "anti_windup": "none" | "clamping" | "back-calculation", "tracking_time_s": 0.5, "dead_zone": 0, "measurement_step": 0.1,
+    "output_step": 0.05, "hold_samples": 5, "safe_output": 10,
+    "sampling": {"kind": "fixed-rate", "period_s": 0.01, "computation_delay_s": 0} | {"kind": "crank-synchronous", "angle_rad": 3.14159}
+
+More keys may stand in the file.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
 from revline.design.controller import LAW, PidGains
+from revline.design.pid_controller import PidController
 from revline.errors import InvalidInputError
+from revline.io.controller_surroundings import parse_surroundings, surroundings_record
 from revline.io.json_files import JsonRecord, read_json, write_json
 
 SCHEMA: Final = "revline.controller/1"
@@ -25,12 +35,42 @@ class ControllerFile:
     """What a controller file holds.
 
     Attributes:
-        gains: of the controller.
+        where: the file, for messages.
+        controller: all that the file says of it.
         provenance: what wrote the file, from what.
     """
 
-    gains: PidGains
+    where: str
+    controller: PidController
     provenance: Mapping[str, float | str]
+
+    @property
+    def gains(self) -> PidGains:
+        """The gains, for what knows nothing but the law of `revline.design.pid_system`.
+
+        Raises:
+            InvalidInputError: the controller is more than that, and what is more would be dropped.
+        """
+        return self._only_gains(self.controller)
+
+    @property
+    def feedback_gains(self) -> PidGains:
+        """The gains, for what asks for the loop alone, on which a set-point weight has no influence.
+
+        Raises:
+            InvalidInputError: the controller is more than that, and what is more would be dropped.
+        """
+        return self._only_gains(replace(self.controller, setpoint_weight=1.0, derivative_weight=0.0))
+
+    def _only_gains(self, controller: PidController) -> PidGains:
+        extras = controller.extras
+        if extras:
+            message = (
+                f"{self.where}: the controller has {', '.join(extras)}, which would be dropped here: this knows the law {LAW} alone; "
+                "leave those keys out, or use what runs a controller as it is: `accept` and `export`"
+            )
+            raise InvalidInputError(message)
+        return controller.gains
 
 
 def read_controller(path: str | Path) -> ControllerFile:
@@ -70,30 +110,32 @@ def parse_controller(record: JsonRecord) -> ControllerFile:
         designed_on=record.text("designed_on", "not stated"),
         details=record.notes("details"),
     )
-    return ControllerFile(gains=gains, provenance=MappingProxyType(record.notes("provenance")))
+    controller = parse_surroundings(record, gains)
+    return ControllerFile(where=record.where, controller=controller, provenance=MappingProxyType(record.notes("provenance")))
 
 
-def write_controller(path: str | Path, gains: PidGains, *, provenance: Mapping[str, float | str]) -> None:
+def write_controller(path: str | Path, controller: PidGains | PidController, *, provenance: Mapping[str, float | str]) -> None:
     """Write a controller file; it reads back to the last bit.
 
     Args:
         path: the file; replaced if it is there.
-        gains: of the controller.
+        controller: its gains, or all of it.
         provenance: what writes it, from what: program, version, files.
 
     Raises:
         InvalidInputError: a detail has no JSON form, or the file cannot be written.
     """
-    write_json(path, controller_record(gains, provenance=provenance), WHAT)
+    write_json(path, controller_record(controller, provenance=provenance), WHAT)
 
 
-def controller_record(gains: PidGains, *, provenance: Mapping[str, float | str]) -> Mapping[str, object]:
+def controller_record(controller: PidGains | PidController, *, provenance: Mapping[str, float | str]) -> Mapping[str, object]:
     """Give the content of a controller file, for writing or showing.
 
     Args:
-        gains: of the controller.
+        controller: its gains, or all of it.
         provenance: what writes it, from what: program, version, files.
     """
+    gains = controller.gains if isinstance(controller, PidController) else controller
     return {
         "schema": SCHEMA,
         "kp": gains.kp,
@@ -106,6 +148,7 @@ def controller_record(gains: PidGains, *, provenance: Mapping[str, float | str])
         "derivative_acts_on": gains.derivative_acts_on,
         "rule": gains.rule,
         "designed_on": gains.designed_on,
+        **(surroundings_record(controller) if isinstance(controller, PidController) else {}),
         "details": gains.details,
         "provenance": provenance,
     }

@@ -1,0 +1,225 @@
+"""The command accept: a controller on the nonlinear, sampled, saturated, noisy engine, with a verdict."""
+
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from revline import __version__
+from revline.cli.loop_command import throttle_limits
+from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, OutOption, QuietOption
+from revline.cli.shell import Facts, Grid, Shell
+from revline.errors import InvalidInputError
+
+if TYPE_CHECKING:
+    from revline.design.acceptance import Acceptance, Battery
+    from revline.design.pid_controller import PidController
+    from revline.system import DelaySystem
+
+PERIOD = 0.005
+"""Seconds between samples where neither the file nor an option says when the controller runs."""
+
+
+ControllerArgument = Annotated[Path, typer.Argument(metavar="CONTROLLER.json", help="Controller file.")]
+ThrottleListOption = Annotated[str, typer.Option("--throttle", metavar="A1,A2,..", help="Throttle angles of the trims [deg].")]
+LoadListOption = Annotated[str, typer.Option("--load", metavar="T1,T2,..", help="Load torques of the trims [N m]; each with each angle.")]
+PeriodOption = Annotated[
+    float | None, typer.Option("--period", metavar="S", help="Sampling period [s], where the file names none; 0.005 by default.")
+]
+CrankAngleOption = Annotated[
+    float | None, typer.Option("--crank-angle", metavar="RAD", help="Sample each so many radians of the crank instead [rad].")
+]
+ComputationDelayOption = Annotated[
+    float, typer.Option("--computation-delay", metavar="S", help="Time from a sample to its output [s], with the two above.")
+]
+LowOption = Annotated[
+    float | None, typer.Option("--low", metavar="DEG", help="Lower limit of the throttle [deg]; else the file's, else 0.")
+]
+HighOption = Annotated[
+    float | None,
+    typer.Option("--high", metavar="DEG", help="Upper limit of the throttle [deg]; else the file's, else where it saturates."),
+]
+CommandOption = Annotated[float, typer.Option("--command", metavar="RAD_S", help="Step of the speed command, up and down [rad/s].")]
+LoadStepOption = Annotated[float, typer.Option("--load-step", metavar="N_M", help="Step of the load, up and down [N m].")]
+UntilOption = Annotated[float, typer.Option("--until", metavar="S", help="Length of each run [s]; the load steps at half of it.")]
+NoiseOption = Annotated[float, typer.Option("--noise", metavar="RAD_S", help="Standard deviation of the speed's noise [rad/s].")]
+JitterOption = Annotated[
+    float, typer.Option("--jitter", metavar="S", help="Standard deviation of each sample's shift [s; rad with --crank-angle].")
+]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of noise and jitter.")]
+SpreadOption = Annotated[
+    float, typer.Option("--spread", metavar="SHARE", help="Share by which inertia, delays, volume and torque are changed, one by one.")
+]
+MaxOvershootOption = Annotated[float, typer.Option("--max-overshoot", metavar="SHARE", help="Largest overshoot, of the command.")]
+MaxSettlingOption = Annotated[float, typer.Option("--max-settling", metavar="S", help="Longest settling time after either step [s].")]
+MaxDroopOption = Annotated[
+    float | None, typer.Option("--max-droop", metavar="RAD_S", help="Largest deviation after the load's step [rad/s]; else any.")
+]
+MinReserveOption = Annotated[float, typer.Option("--min-reserve", metavar="DB", help="Least distance of the gains from hunting [dB].")]
+RunUnstableOption = Annotated[
+    bool, typer.Option("--run-unstable", help="Also run where the linear loop is unstable; else it fails there without a run.")
+]
+WorkersOption = Annotated[int, typer.Option("--workers", min=1, max=64, help="Threads; results do not depend on them.")]
+
+
+def accept(
+    *,
+    controller: ControllerArgument,
+    throttle: ThrottleListOption,
+    load: LoadListOption = "0",
+    period: PeriodOption = None,
+    crank_angle: CrankAngleOption = None,
+    computation_delay: ComputationDelayOption = 0.0,
+    low: LowOption = None,
+    high: HighOption = None,
+    command: CommandOption = 10.0,
+    load_step: LoadStepOption = 5.0,
+    until: UntilOption = 10.0,
+    noise: NoiseOption = 0.3,
+    jitter: JitterOption = 1e-4,
+    seed: SeedOption = 0,
+    spread: SpreadOption = 0.1,
+    max_overshoot: MaxOvershootOption = 0.3,
+    max_settling: MaxSettlingOption = 3.0,
+    max_droop: MaxDroopOption = None,
+    min_reserve: MinReserveOption = 3.0,
+    run_unstable: RunUnstableOption = False,
+    workers: WorkersOption = 2,
+    engine: EngineOption = DEFAULT_ENGINE,
+    out: OutOption = None,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Put a controller through a battery of runs on the nonlinear engine, sampled and limited as an engine computer runs it.
+
+    At each trim: steps of command and load as they are, with noise and jitter, and on engines whose parameters differ; then all gains are
+    raised until the loop hunts. The verdict names what was not kept. A verdict of failure is a result: the exit status is 0.
+    """
+    from revline.design.acceptance import accept
+    from revline.engine.spread import spread_engine
+    from revline.io.acceptance_records import acceptance_record
+    from revline.io.engine_files import load_engine
+    from revline.io.json_files import format_json
+
+    shell = Shell(json=json, quiet=quiet)
+    shell.prepare(out, "acceptance")
+    battery = _battery((command, load_step, until), (noise, jitter, seed), (max_overshoot, max_settling, max_droop, min_reserve))
+    battery = _with_unstable(battery) if run_unstable else battery
+    plant = load_engine(engine)
+    judged = _controller(controller, plant, (period, crank_angle, computation_delay), (low, high))
+    plants = {plant.name: plant, **spread_engine(plant, spread)}
+    with shell.progress("acceptance") as progress:
+        found = accept(plants, judged, _places(throttle, load), battery, workers=workers, progress=progress)
+    record = acceptance_record(found, engine=plant.name, provenance={"program": f"revline {__version__}", "controller": controller.name})
+    shell.write(out, format_json(record), "acceptance")
+    shell.warn(*(loop.verdict for loop in found.linear if loop.verdict))
+    shell.show(record, *_parts(found), text_on=out)
+
+
+def _battery(
+    steps: tuple[float, float, float], disturbance: tuple[float, float, int], wishes: tuple[float, float, float | None, float]
+) -> "Battery":
+    from revline.design.acceptance import Battery, Requirements
+    from revline.design.sampled_loop import Disturbance
+
+    wish = Requirements(overshoot=wishes[0], settling_time=wishes[1], gain_reserve_db=wishes[3])
+    return Battery(
+        command=steps[0],
+        load=steps[1],
+        until=steps[2],
+        disturbance=Disturbance(noise=disturbance[0], jitter=disturbance[1], seed=disturbance[2]),
+        requirements=wish if wishes[2] is None else replace(wish, droop=wishes[2]),
+    )
+
+
+def _with_unstable(battery: "Battery") -> "Battery":
+    from revline.design.acceptance import OfUnstable
+
+    return replace(battery, of_unstable=OfUnstable.RUN)
+
+
+def _places(throttle: str, load: str) -> list[dict[str, float]]:
+    """Each throttle angle with each load."""
+    from revline.io.number_lists import parse_numbers
+
+    angles, torques = parse_numbers(throttle, "--throttle [deg]"), parse_numbers(load, "--load [N m]")
+    return [{"throttle": angle, "load_torque": torque} for torque, angle in product(torques, angles)]
+
+
+def _controller(
+    path: Path,
+    plant: "DelaySystem",
+    timing: tuple[float | None, float | None, float],
+    limits: tuple[float | None, float | None],
+) -> "PidController":
+    """The file's controller, sampled and within the throttle's limits."""
+    from revline.design.pid_controller import AntiWindup, Continuous
+    from revline.engine.lee1995 import lee1995_parameters
+    from revline.io.controller_files import read_controller
+    from revline.sampled import CrankSynchronous, FixedRate
+
+    found = read_controller(path).controller
+    period, angle, computation = timing
+    if period is not None and angle is not None:
+        message = "--period and --crank-angle each say when the controller samples; give one"
+        raise InvalidInputError(message)
+    if isinstance(found.sampling, Continuous):
+        sampling = (
+            CrankSynchronous(angle=angle, computation_delay=computation)
+            if angle is not None
+            else FixedRate(period=PERIOD if period is None else period, computation_delay=computation)
+        )
+        windup = AntiWindup.CLAMPING if found.anti_windup is AntiWindup.NONE else found.anti_windup
+        found = replace(found, sampling=sampling, anti_windup=windup)
+    elif period is not None or angle is not None or computation != 0.0:
+        message = f"{path.name} says itself when its controller samples; leave --period, --crank-angle and --computation-delay out"
+        raise InvalidInputError(message)
+    own = tuple(bound if abs(bound) != float("inf") else None for bound in (found.low, found.high))
+    wanted = tuple(option if option is not None else bound for option, bound in zip(limits, own, strict=True))
+    bounds = throttle_limits((wanted[0], wanted[1]), lee1995_parameters(plant).throttle.saturation_angle)
+    return replace(found, low=bounds[0], high=bounds[1])
+
+
+def _parts(found: "Acceptance") -> list[Facts | Grid | str]:
+    rows = [
+        ("verdict", "passed" if found.passed else "failed", ""),
+        ("runs", float(len(found.runs)), ""),
+        ("runs that kept everything", float(sum(run.passed for run in found.runs)), ""),
+    ]
+    if found.reserves:
+        rows.append(("least gain reserve", found.gain_reserve_db, "dB"))
+    reserves = {tuple(r.place.items()): r for r in found.reserves}
+    table = [
+        (
+            *(f"{value:g}" for value in loop.place.values()),
+            f"{loop.margins.margins.sensitivity.value:.3f}" if loop.margins.margins.stable else "unstable",
+            f"{reserves[key].decibels:.2f}" if (key := tuple(loop.place.items())) in reserves else "not run",
+            *_worst(found, loop.place),
+        )
+        for loop in found.linear
+    ]
+    heads = ("throttle [deg]", "load [N m]", "Ms", "reserve [dB]", "overshoot", "settling [s]", "droop [rad/s]", "travel [deg]")
+    reasons = [f"- {reason}" for reason in found.reasons[:SHOWN]]
+    if len(found.reasons) > SHOWN:
+        reasons.append(f"- and {len(found.reasons) - SHOWN} more; --json lists all")
+    return [Facts(f"Acceptance of {found.controller.gains.rule}", rows), Grid("Worst of all runs", heads, table), *reasons]
+
+
+SHOWN = 12
+"""So many reasons are shown."""
+
+
+def _worst(found: "Acceptance", place: object) -> tuple[str, str, str, str]:
+    """Largest measures of the runs at a place."""
+    runs = [run.measures for run in found.runs if run.case.place == place and run.measures is not None]
+    if not runs:
+        return ("", "", "", "")
+    settling = max(max(m.command_settling_time, m.load_settling_time) for m in runs)
+    return (
+        f"{max(m.overshoot for m in runs):.3f}",
+        f"{settling:.2f}" if settling < float("inf") else "never",
+        f"{max(m.droop for m in runs):.2f}",
+        f"{max(m.travel for m in runs):.1f}",
+    )

@@ -1,0 +1,102 @@
+"""The commands accept and relay: verdicts, what they rest on, and what is refused."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from .conftest import Command
+
+MILD = {"kp": 0.4, "ki": 0.6, "kd": 0.02}
+C2D = {"kp": 1.2, "ki": 2.0, "kd": 0.1}
+
+
+def controller(folder: Path, **entries: Any) -> Path:
+    path = folder / "controller.json"
+    path.write_text(json.dumps(entries))
+    return path
+
+
+def test_a_verdict_with_all_that_it_rests_on(revline: Command, tmp_path: Path) -> None:
+    out = tmp_path / "verdict.json"
+    file = controller(tmp_path, **MILD, sampling={"kind": "fixed-rate", "period_s": 0.01}, anti_windup="clamping")
+    done = revline("accept", file, "--throttle", 25, "--spread", 0, "--until", 6, "--out", out)
+    assert done.status == 0
+    assert "verdict" in done.out
+    assert "passed" in done.out
+    record = json.loads(out.read_text())
+    assert record["passed"] is True
+    assert record["gain_reserve_db"] > 10.0
+    assert [run["kind"] for run in record["runs"]] == ["clean", "clean", "noisy", "noisy"]
+    assert record["linear_loops"][0]["stable"] is True
+    assert record["linear_loops"][0]["sampling_period_s"] == 0.01
+    assert record["controller"]["sampling"] == {"kind": "fixed-rate", "period_s": 0.01, "computation_delay_s": 0.0}
+    assert record["controller"]["output_high"] == pytest.approx(79.46)
+
+
+def test_a_failure_is_a_result_and_an_unstable_loop_is_not_run(revline: Command, tmp_path: Path) -> None:
+    done = revline("accept", controller(tmp_path, **C2D), "--throttle", 15, "--load", 20, "--json")
+    assert done.status == 0
+    assert "the linear loop is unstable" in done.err
+    record = json.loads(done.out)
+    assert record["passed"] is False
+    assert record["runs"] == []
+    assert "gain_reserve_db" not in record
+    text = revline("accept", controller(tmp_path, **C2D), "--throttle", 15, "--spread", 0, "--until", 3, "--crank-angle", 3.14159)
+    assert "failed" in text.out
+    assert "- throttle 15, load_torque 0: " in text.out
+
+
+@pytest.mark.parametrize(
+    ("entries", "options", "words"),
+    [
+        (MILD, ["--throttle", "25", "--period", "0.01", "--crank-angle", "3"], "give one"),
+        ({**MILD, "sampling": {"period_s": 0.01}}, ["--throttle", "25", "--period", "0.01"], "says itself when its controller samples"),
+        (MILD, ["--throttle", "25", "--low", "30"], "output at rest = 25 deg is outside the controller's limits 30 to 79.46"),
+        (MILD, ["--throttle", "x"], "no finite number"),
+        (MILD, ["--throttle", "25", "--jitter", "1"], "jitter = 1 s is outside"),
+        (MILD, ["--throttle", "25", "--spread", "0.9"], "spread of the parameters"),
+        (MILD, ["--throttle", "25", "--max-overshoot", "0"], "required overshoot"),
+        ({**MILD, "anti_windup": "magic"}, ["--throttle", "25"], '"anti_windup" is "magic"; it is one of none, clamping, back-calculation'),
+        ({**MILD, "sampling": 5}, ["--throttle", "25"], '"sampling" is 5; write an object'),
+        ({**MILD, "sampling": {"kind": "daily"}}, ["--throttle", "25"], '"kind" is "daily"; it is fixed-rate or crank-synchronous'),
+        ({**MILD, "sampling": {"period_s": 0.01}, "hold_samples": 0.5}, ["--throttle", "25"], "a whole number is wanted"),
+    ],
+)
+def test_wrong_input_is_told_in_one_message(revline: Command, tmp_path: Path, entries: Any, options: list[str], words: str) -> None:
+    done = revline("accept", controller(tmp_path, **entries), *options)
+    assert done.status == 2
+    assert words in " ".join(done.err.split())
+
+
+def test_no_trim_is_an_analysis_that_could_not_be_completed(revline: Command, tmp_path: Path) -> None:
+    done = revline("accept", controller(tmp_path, **MILD), "--throttle", 25, "--load", 500)
+    assert done.status == 1
+    assert "no trim" in done.err
+
+
+@pytest.mark.parametrize("command", ["loop", "margins"])
+def test_what_would_be_dropped_is_refused_by_commands_that_know_the_plain_law(revline: Command, tmp_path: Path, command: str) -> None:
+    """A set-point weight is nothing to margins, and much to a step of the command."""
+    file = controller(tmp_path, **MILD, filter_time_s=0.02)
+    done = revline(command, file, "--throttle", 25)
+    assert done.status == 2
+    assert "the controller has a derivative filter, which would be dropped here" in " ".join(done.err.split())
+    weighted = controller(tmp_path, **MILD, setpoint_weight=0.5)
+    assert revline(command, weighted, "--throttle", 25).status == (0 if command == "margins" else 2)
+
+
+def test_the_ultimate_gain_by_every_way(revline: Command, tmp_path: Path) -> None:
+    out = tmp_path / "ultimate.json"
+    done = revline("relay", "--throttle", 25, "--out", out)
+    assert done.status == 0
+    assert "because its square wave has harmonics" in " ".join(done.out.split())
+    record = json.loads(out.read_text())
+    assert record["exact"]["gain"] == pytest.approx(2.1064, abs=2e-4)
+    assert record["relay_predicted"]["gain"] == pytest.approx(record["relay"]["gain"], rel=3e-3)
+    assert record["bisection"]["rests_at"] < record["exact_sampled"]["gain"] * 1.005
+    assert record["bisection"]["hunts_at"] > record["exact_sampled"]["gain"] * 0.995
+    assert len(record["reasons"]) == 2
+    assert revline("relay", "--throttle", 25, "--amplitude", 60).status == 2
+    assert revline("relay", "--throttle", 25, "--until", 0.5).status == 1
