@@ -10,10 +10,14 @@ from revline.analysis.trim import find_trim
 from revline.design.closed_loop import LoopTask, run_linear_loop, run_loop
 from revline.design.compared_plant import plant_of_model, plant_of_system
 from revline.design.controller import PidGains
+from revline.design.load_steps import LoadStep
+from revline.design.mid_ranging import design_mid_ranging
+from revline.design.mid_ranging_comparison import PlantCase, compare_mid_ranging
 from revline.design.model_choice import MODEL_STRUCTURES, fit_structure
 from revline.design.nu_gap import judge_controller
 from revline.design.rules import tune_pi_pole_placement
 from revline.lti.transfer_function import TransferFunction
+from revline.report.mid_ranging import plot_load_steps
 from revline.report.nu_gap import plot_nu_gap
 from revline.report.style import BLUE, GREY, VERMILION, styled
 from revline.studies.config import StudyConfig
@@ -67,11 +71,20 @@ def draw_nu_gap() -> Figure:
     return plot_nu_gap(judged)
 
 
+def draw_two_inputs() -> Figure:
+    """Spark and throttle at idle after a step of the load, beside the throttle alone."""
+    engine = StudyConfig().load_engine()
+    trim = find_trim(engine, inputs={"throttle": 12.0, "spark": -20.0})
+    plants = (PlantCase("nominal", engine, trim),)
+    return plot_load_steps(compare_mid_ranging(design_mid_ranging(engine, trim), plants, LoadStep(size=4.0)))
+
+
 def main() -> None:
     """Draw all pictures."""
     IMAGES.mkdir(exist_ok=True)
     draw_promise_and_engine().savefig(IMAGES / "c1-promise-and-engine.png", dpi=150, metadata={"Software": None})
     draw_nu_gap().savefig(IMAGES / "nu-gap.png", dpi=150, metadata={"Software": None})
+    draw_two_inputs().savefig(IMAGES / "two-inputs.png", dpi=150, metadata={"Software": None})
 
 
 if __name__ == "__main__":

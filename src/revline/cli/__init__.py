@@ -23,6 +23,7 @@ from revline.cli import (
     loop_command,
     map_command,
     margins_command,
+    mid_ranging_command,
     model_commands,
     nu_gap_command,
     region_command,
@@ -128,6 +129,12 @@ COMMANDS = (
         limit_cycle_command.limit_cycle,
         "The orbit that a speed loop hunts in, and its onset.",
         "revline limit-cycle c1.json --throttle 25 --onset",
+    ),
+    Entry(
+        "mid-ranging",
+        mid_ranging_command.mid_ranging,
+        "Speed by spark and throttle against a step of the load.",
+        "revline mid-ranging --throttle 12 --spark -20 --load-step 4 --out idle.csv",
     ),
     Entry(
         "relay",
