@@ -5,7 +5,7 @@ OUT := out
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.NOTPARALLEL:
+$(if $(SIDE_BY_SIDE),,.NOTPARALLEL:)
 .PHONY: help study test check style types architecture docs acceptance bench lock clean
 
 help: ## Show these commands.
@@ -14,11 +14,14 @@ help: ## Show these commands.
 study: .venv/.run ## Reproduce the whole study of Lee (1995) into ./out.
 	$(BIN)/revline study --out $(OUT)
 
-test: .venv/.dev ## Run every test, the examples in code and pages among them.
-	$(BIN)/python -m pytest
+test: .venv/.dev ## Run every test, on all processors, the examples in code and pages among them.
+	$(BIN)/python -m pytest --numprocesses auto --dist loadscope --no-loadscope-reorder
 
-# CI runs `make test` and then `make check TESTED=yes`, so that nothing runs twice.
-check: .venv/.dev style types architecture $(if $(TESTED),,test) docs study acceptance ## Run all that CI runs: style, types, layers, tests, docs, study, acceptance.
+# CI runs `make test` and then `make check TESTED=yes`, so that nothing runs twice. The tests use all processors by themselves; the rest runs
+# side by side once the environment stands, each with its output in one piece.
+CHECKS := acceptance docs types style architecture
+check: .venv/.dev $(if $(TESTED),,test) ## Run all that CI runs: style, types, layers, tests, docs, study, acceptance.
+	@$(MAKE) --no-print-directory --jobs $(shell nproc) --output-sync=target SIDE_BY_SIDE=yes $(CHECKS)
 
 style: .venv/.dev ## Check format, lint and spelling.
 	$(BIN)/ruff format --check
@@ -34,7 +37,7 @@ architecture: .venv/.dev ## Check the layers.
 docs: .venv/.dev ## Build the documentation into docs/_build/html.
 	$(BIN)/python -m sphinx -n -W --keep-going -q -b html docs docs/_build/html
 
-acceptance: .venv/.dev ## Check the study in ./out and every command against published and converged values.
+acceptance: .venv/.dev $(if $(SIDE_BY_SIDE),study) ## Check the study in ./out and every command against published and converged values.
 	$(BIN)/python tests/acceptance/check_study.py $(OUT)
 	$(BIN)/python tests/acceptance/check_commands.py $(BIN)/revline --self-test
 

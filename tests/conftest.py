@@ -4,6 +4,7 @@ import os
 import signal
 import sys
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -19,6 +20,8 @@ settings.load_profile("untimed")
 MOST_KERNELS = 16
 """Kernels that one session may build: each costs seconds where the cache is cold. Parameters and inputs need no new ones."""
 
+KERNELS = pytest.StashKey[set[str]]()
+
 
 @pytest.fixture(scope="session", autouse=True)
 def _heed_interruptions() -> Iterator[None]:
@@ -30,11 +33,38 @@ def _heed_interruptions() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
-@pytest.fixture(scope="session", autouse=True)
-def _few_kernels() -> Iterator[None]:
-    """Fail a session that builds too many kernels: share a system by its parameters instead."""
-    yield
-    kernel = sys.modules.get("revline.dde.kernel")
-    if kernel is not None:
-        built = kernel.specialise.cache_info().currsize
-        assert built <= MOST_KERNELS, f"{built} kernels were built where {MOST_KERNELS} suffice; share systems by their parameters"
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Where processes share the tests by their modules, begin with those that have slow tests: none is then left over for the end."""
+    if hasattr(config, "workerinput"):
+        slow = {item.path for item in items if item.get_closest_marker("slow")}
+        items.sort(key=lambda item: item.path not in slow)
+
+
+def built_kernels() -> set[str]:
+    """Names of the kernels that this process has built or read; each is a digest of all that the kernel computes with."""
+    return {name for name in sys.modules if name.startswith("revline.dde.compiling.kernel_")}
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node: Any, error: object) -> None:  # noqa: ARG001 - the form of the hook
+    """Collect the kernels of a worker that has ended; two that built the same one built one."""
+    node.config.stash.setdefault(KERNELS, set()).update(getattr(node, "workeroutput", {}).get("kernels", ()))
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    """Fail a session whose processes built too many different kernels; a worker hands its own over."""
+    if hasattr(session.config, "workeroutput"):
+        session.config.workeroutput["kernels"] = sorted(built_kernels())
+        return
+    kernels = session.config.stash.setdefault(KERNELS, set())
+    kernels.update(built_kernels())
+    if len(kernels) > MOST_KERNELS:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    """Say how many kernels were built."""
+    built = len(config.stash.get(KERNELS, set()))
+    terminalreporter.write_line(f"{built} kernels were built, at most {MOST_KERNELS} may be")
+    if built > MOST_KERNELS:
+        terminalreporter.write_line("FAILED: too many kernels; share systems by their parameters", red=True)

@@ -1,10 +1,11 @@
 #!/usr/bin/env python3
 """Try every command of revline as a user would, and check values, files, exit statuses and messages.
 
-Usage: check_commands.py [REVLINE] [--self-test] [--only=FILE]. What is tried stands in commands/*.toml. The commands of one file run one
-after the other in a folder of its own, and as many files side by side as there are processors; --only tries one of them, by its name
-without the ending. REVLINE is the program, by default the `revline` beside this Python or on the
-path. Exits 0 when all hold, prints each line that falls short, then 'N passed, M failed'. With --self-test each answer is also altered on
+Usage: check_commands.py [REVLINE] [--self-test] [--only=FILE]. What is tried stands in commands/*.toml; --only tries one of these files,
+by its name without the ending. The commands of one file run in a folder of its own. As many commands run side by side as there are
+processors; one that names a file which an earlier one of the same toml file names too, other than those both were given, waits for that
+one. REVLINE is the program, by default the `revline` beside this Python or on the path.
+Exits 0 when all hold, prints each line that falls short, then 'N passed, M failed'. With --self-test each answer is also altered on
 purpose (a number moved, an exit status changed, a traceback added), and an altered answer that passes counts as a failure.
 Standard library only. Values: K. Lee, MSc thesis, University of Southern California, 1995, and converged computations.
 """
@@ -14,16 +15,19 @@ import csv
 import json
 import math
 import os
+import re
 import shutil
 import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import tomllib
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,6 +35,16 @@ HERE = Path(__file__).resolve().parent
 TABLE = HERE.parent / "reference" / "table_4_1.csv"
 LONGEST = 600.0
 """Seconds that one command may take."""
+
+PROCESSORS = len(os.sched_getaffinity(0))
+AHEAD = 4 * PROCESSORS
+"""How many commands of one file may be under way or wait for others."""
+
+WRITING = frozenset({"--out", "--csv", "--plot", "--cells", "--step-out"})
+"""Options whose value is a file or folder that the command writes."""
+
+RUNNING = threading.BoundedSemaphore(PROCESSORS)
+"""Lets as many commands run at once as there are processors."""
 
 
 class Value(NamedTuple):
@@ -140,14 +154,18 @@ class Checker:
         self.program, self.folder, self.self_test = program, folder, self_test
         self.passed = 0
         self.failures: list[str] = []
+        self.counting = threading.Lock()
 
     def run(self, arguments: tuple[str, ...]) -> Done:
-        done = subprocess.run([*self.program, *arguments], cwd=self.folder, capture_output=True, text=True, check=False, timeout=LONGEST)
+        command = [*self.program, *arguments]
+        with RUNNING:
+            done = subprocess.run(command, cwd=self.folder, capture_output=True, text=True, check=False, timeout=LONGEST)
         return Done(done.returncode, done.stdout, done.stderr)
 
     def record(self, title: str, faults: list[str]) -> None:
-        self.passed += not faults
-        self.failures += [f"{title}: {fault}" for fault in faults]
+        with self.counting:
+            self.passed += not faults
+            self.failures += [f"{title}: {fault}" for fault in faults]
 
     def take(self, title: str, step: Callable[[], None]) -> None:
         """Let a step record what it finds, and whatever it meets."""
@@ -240,7 +258,7 @@ def check_left(checker: Checker) -> None:
 def interrupt_study(checker: Checker, out: Path) -> Done:
     """Begin the study, interrupt it as Ctrl-C does once a step is finished, and wait for its end."""
     command = [*checker.program, "study", "--out", str(out)]
-    with subprocess.Popen(command, cwd=checker.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
+    with RUNNING, subprocess.Popen(command, cwd=checker.folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as running:
         ends = time.monotonic() + LONGEST
         while not has_finished(out / "results.json", "operating-point"):
             if running.poll() is not None or time.monotonic() > ends:
@@ -326,6 +344,11 @@ def read_values(cases: dict[str, Any]) -> list[Value]:
     ]
 
 
+def read_refusals(cases: dict[str, Any]) -> list[Refusal]:
+    """Commands that must fail."""
+    return [Refusal(tuple(case["command"].split()), case["status"], tuple(case["words"])) for case in cases["refusal"]]
+
+
 def prepare_files(folder: Path, cases: dict[str, Any], engine: str) -> None:
     """Write the files that the commands are given."""
     for name, text in cases["files"].items():
@@ -354,14 +377,49 @@ def find_program(given: list[str]) -> list[str]:
     return [str(Path(found).absolute())] if Path(found).exists() else [found]
 
 
+def files_named(arguments: Sequence[str], given: frozenset[str]) -> frozenset[str]:
+    """Files and folders that a command names: words with a dot, what it writes, and their folders; not those that were given."""
+    words = {part for word in arguments[1:] for part in re.split("[:=,+]", word) if "." in part and not re.match(r"[-+.@\d]", part)}
+    return frozenset(name for word in words - given | files_written(arguments) for name in (word, word.partition("/")[0]))
+
+
+def files_written(arguments: Sequence[str]) -> frozenset[str]:
+    """What a command is asked to write."""
+    return frozenset(word for option, word in pairwise(arguments) if option in WRITING)
+
+
+def run_in_order(steps: Sequence[tuple[frozenset[str], Callable[[], None]]]) -> None:
+    """Run steps side by side, each after the earlier ones with which it has a name in common; wait for all."""
+    latest: dict[str, list[Future[None]]] = {}
+
+    def run(step: Callable[[], None], before: list[Future[None]]) -> None:
+        wait(before)  # all were started earlier, so that the earliest under way never waits
+        step()
+
+    with ThreadPoolExecutor(AHEAD) as pool:
+        running = []
+        for names, step in steps:
+            before = [future for name in names for future in latest.get(name, ())]
+            running.append(pool.submit(run, step, before))
+            for name in names:
+                latest.setdefault(name, []).append(running[-1])
+        _ = [ended.result() for ended in running]
+
+
 def check_cases(checker: Checker, cases: dict[str, Any], engine: str) -> None:
-    """Try what one file asks for, each command even where one before it failed."""
+    """Try what one file asks for, each command even where one before it failed; refusals once all files are made."""
     prepare_files(checker.folder, cases, engine)
-    for value in read_values(cases):
-        checker.take(str(value), partial(checker.try_value, value))
-    for case in cases["refusal"]:
-        refusal = Refusal(tuple(case["command"].split()), case["status"], tuple(case["words"]))
-        checker.take(str(refusal), partial(checker.try_refusal, refusal))
+    values, refusals = read_values(cases), read_refusals(cases)
+    asked = [case.arguments for case in values] + [case.arguments for case in refusals]
+    made = frozenset[str]().union(*map(files_written, asked))
+    given = frozenset(path.name for path in checker.folder.iterdir()) - made
+
+    def run_all(cases: Sequence[Any], attempt: Callable[[Any], None]) -> None:
+        steps = [partial(checker.take, str(case), partial(attempt, case)) for case in cases]
+        run_in_order(list(zip((files_named(case.arguments, given) for case in cases), steps, strict=True)))
+
+    run_all(values, checker.try_value)
+    run_all(refusals, checker.try_refusal)
     if checker.folder.name == "10_basics":
         checker.take("files written", partial(check_files, checker))
     checker.take("files left", partial(check_left, checker))
@@ -374,7 +432,7 @@ def main(arguments: list[str]) -> int:
     cases = {path.stem: read_cases(path) for path in sorted((HERE / "commands").glob(f"{only}.toml"))}
     if not cases:
         raise SystemExit(f"there is no commands/{only}.toml to try")
-    with tempfile.TemporaryDirectory(prefix="revline-") as name, ThreadPoolExecutor(len(os.sched_getaffinity(0))) as pool:
+    with tempfile.TemporaryDirectory(prefix="revline-") as name, ThreadPoolExecutor(len(cases) + 2) as pool:
         start = partial(Checker, program, self_test="--self-test" in arguments)
         checkers = [start(Path(name))]
         engine = checkers[0].run(("engines", "lee1995"))
@@ -386,7 +444,7 @@ def main(arguments: list[str]) -> int:
             tried = frozenset(value.arguments[0] for asked in cases.values() for value in read_values(asked))
             jobs = {"study_command": check_study_command, "help": partial(check_help, tried=tried), **jobs}
         running = []
-        for key, job in jobs.items():
+        for key, job in jobs.items():  # each in a thread of its own; RUNNING limits their commands
             checkers.append(start(Path(name) / key))
             checkers[-1].folder.mkdir()
             running.append(pool.submit(checkers[-1].take, key, partial(job, checkers[-1])))
