@@ -25,6 +25,12 @@ WANTED = (
     "--list shows the rules, --compare tries all"
 )
 
+NUMBERS_AND_NAMES = frozenset(
+    {"natural_frequency", "damping", "closed_loop_lag", "reading", "ultimate_gain", "ultimate_period"}
+    | {"free", "overshoot_limit", "objective", "horizon"}
+)
+"""Options of the command that are options of a rule of the same name."""
+
 ObjectiveChoice = Literal["setpoint-error", "load-error"]
 ReadingChoice = Literal["tangent", "63"]
 
@@ -110,6 +116,7 @@ def tune(
     quiet: QuietOption = False,
 ) -> None:
     """Tune a PI or PID controller for a model by a rule; the gains are in deg of throttle per rad/s for an engine's model."""
+    options = {name: value for name, value in locals().items() if name in NUMBERS_AND_NAMES and value is not None} | _start(start)
     from revline.design.rules import tune_by_rule
     from revline.io.controller_files import controller_record
     from revline.io.json_files import format_json
@@ -119,19 +126,6 @@ def tune(
     if listed:
         _list_rules(shell)
         return
-    given = {
-        "natural_frequency": natural_frequency,
-        "damping": damping,
-        "closed_loop_lag": closed_loop_lag,
-        "reading": reading,
-        "ultimate_gain": ultimate_gain,
-        "ultimate_period": ultimate_period,
-        "free": free,
-        "overshoot_limit": overshoot_limit,
-        "objective": objective,
-        "horizon": horizon,
-    }
-    options = {key: value for key, value in given.items() if value is not None} | _start(start)
     shell.prepare(out, "comparison" if compare else "controller file")
     plant, origin = _plant(model, EngineChoice(engine, throttle, load))
     if compare:
