@@ -8,18 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from revline import __version__
+from revline.cli.controllers import TimingChoice, own_limits, read_sampled_controller
 from revline.cli.loop_command import throttle_limits
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, OutOption, QuietOption
 from revline.cli.shell import Facts, Grid, Shell
-from revline.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from revline.design.acceptance import Acceptance, Battery
     from revline.design.pid_controller import PidController
     from revline.system import DelaySystem
-
-PERIOD = 0.005
-"""Seconds between samples where neither the file nor an option says when the controller runs."""
 
 
 ControllerArgument = Annotated[Path, typer.Argument(metavar="CONTROLLER.json", help="Controller file.")]
@@ -155,28 +152,10 @@ def _controller(
     limits: tuple[float | None, float | None],
 ) -> "PidController":
     """The file's controller, sampled and within the throttle's limits."""
-    from revline.design.pid_controller import AntiWindup, Continuous
     from revline.engine.lee1995 import lee1995_parameters
-    from revline.io.controller_files import read_controller
-    from revline.sampled import CrankSynchronous, FixedRate
 
-    found = read_controller(path).controller
-    period, angle, computation = timing
-    if period is not None and angle is not None:
-        message = "--period and --crank-angle each say when the controller samples; give one"
-        raise InvalidInputError(message)
-    if isinstance(found.sampling, Continuous):
-        sampling = (
-            CrankSynchronous(angle=angle, computation_delay=computation)
-            if angle is not None
-            else FixedRate(period=PERIOD if period is None else period, computation_delay=computation)
-        )
-        windup = AntiWindup.CLAMPING if found.anti_windup is AntiWindup.NONE else found.anti_windup
-        found = replace(found, sampling=sampling, anti_windup=windup)
-    elif period is not None or angle is not None or computation != 0.0:
-        message = f"{path.name} says itself when its controller samples; leave --period, --crank-angle and --computation-delay out"
-        raise InvalidInputError(message)
-    own = tuple(bound if abs(bound) != float("inf") else None for bound in (found.low, found.high))
+    found = read_sampled_controller(path, TimingChoice(*timing))
+    own = own_limits(found)
     wanted = tuple(option if option is not None else bound for option, bound in zip(limits, own, strict=True))
     bounds = throttle_limits((wanted[0], wanted[1]), lee1995_parameters(plant).throttle.saturation_angle)
     return replace(found, low=bounds[0], high=bounds[1])

@@ -8,10 +8,13 @@ section 8.5.
 """
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
+from revline.design.controller import PidGains
 from revline.design.pid_controller import AntiWindup, Continuous, PidController
 from revline.equations import equation
 from revline.errors import InvalidInputError, out_of_range
@@ -214,6 +217,19 @@ def _code(controller: PidController, output: float, measurement: float, rounding
         safe_output=output if controller.safe_output is None else controller.safe_output,
         rounding=rounding,
     )
+
+
+def parameter_units(gains: PidGains) -> Mapping[str, str]:
+    """Units of the parameters of `PidCode`, by name; those not named are numbers or switches.
+
+    Args:
+        gains: with the units of input and output.
+    """
+    drive, measured = gains.output_unit, gains.input_unit
+    of_output = dict.fromkeys(("rest_output", "low", "high", "output_step", "safe_output"), drive)
+    of_measurement = dict.fromkeys(("rest_command", "dead_zone", "measurement_step"), measured)
+    others = {"filter_time": "s", "rate_limit": f"{drive}/s", "tracking_rate": "1/s", "hold_samples": "samples"}
+    return MappingProxyType({**gains.gain_units, **of_output, **of_measurement, **others})
 
 
 def _states(drive: str, measured: str) -> tuple[Variable, ...]:

@@ -1,0 +1,136 @@
+"""The command export: a controller as C99, MATLAB, python-control or JSON."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from revline import __version__
+from revline.cli.controllers import TimingChoice, own_limits, read_sampled_controller
+from revline.cli.loop_command import throttle_limits
+from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, QuietOption
+from revline.cli.plants import EngineChoice, find_engine_trim, refuse_engine
+from revline.cli.shell import Facts, Shell
+from revline.errors import InvalidInputError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from revline.design.pid_controller import PidController
+
+ControllerArgument = Annotated[Path, typer.Argument(metavar="CONTROLLER.json", help="Controller file.")]
+FormatOption = Annotated[
+    str, typer.Option("--format", metavar="F1,F2,..", help="Of c, matlab, control and json, separated by commas; or all.")
+]
+FolderOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write into; made where it is missing.")]
+PrecisionOption = Annotated[Literal["double", "float"], typer.Option("--precision", help="Type of the numbers in C.")]
+NameOption = Annotated[str, typer.Option("--name", metavar="NAME", help="Begins the names of files and functions.")]
+PeriodOption = Annotated[
+    float | None, typer.Option("--period", metavar="S", help="Sampling period [s], where the file names none; 0.005 by default.")
+]
+CrankOption = Annotated[float | None, typer.Option("--crank-angle", metavar="RAD", help="Sample each so many radians instead [rad].")]
+TrimOption = Annotated[
+    float | None, typer.Option("--throttle", metavar="DEG", help="Take output and measurement at rest from the engine's trim here [deg].")
+]
+RestOutputOption = Annotated[
+    float | None, typer.Option("--rest-output", metavar="DEG", help="Output at rest, in its unit, where no engine is given; 0 by default.")
+]
+RestMeasurementOption = Annotated[
+    float | None, typer.Option("--rest-measurement", metavar="RAD_S", help="Measurement at rest, in its unit; 0 by default.")
+]
+
+
+def export(
+    *,
+    controller: ControllerArgument,
+    formats: FormatOption,
+    out: FolderOption,
+    precision: PrecisionOption = "double",
+    name: NameOption = "speed_controller",
+    period: PeriodOption = None,
+    crank_angle: CrankOption = None,
+    throttle: TrimOption = None,
+    load: LoadOption = 0.0,
+    rest_output: RestOutputOption = None,
+    rest_measurement: RestMeasurementOption = None,
+    engine: EngineOption = DEFAULT_ENGINE,
+    json: JsonOption = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Write a controller as code: C99 in one file without dependency, a MATLAB function, python-control objects, or JSON with everything.
+
+    The C code computes, in double precision, the same bits as the simulation. With --throttle the controller rests at the engine's trim
+    and is limited as its throttle is; else it rests at the values given, and takes over whatever output there is when it starts.
+    """
+    from revline.io.atomic import write_atomically
+    from revline.io.c_controller import COMPILE, Precision
+    from revline.io.controller_exports import FORMATS, Export
+
+    shell = Shell(json=json, quiet=quiet)
+    wanted = _formats(formats)
+    found = read_sampled_controller(controller, TimingChoice(period, crank_angle, 0.0))
+    place = EngineChoice(engine, throttle, load)
+    found, rest, full = _at_rest(found, place, (rest_output, rest_measurement))
+    made = Export(
+        controller=found,
+        name=name,
+        rest=rest,
+        precision=Precision(precision),
+        full_range=full,
+        provenance={"program": f"revline {__version__}", "controller": controller.name},
+    )
+    texts = {FORMATS[key][1].format(name=name): FORMATS[key][0](made) for key in wanted}
+    _make_folder(out)
+    for file, text in texts.items():
+        write_atomically(out / file, text, "exported controller")
+    record: Mapping[str, object] = {
+        "files": [str(out / file) for file in texts],
+        "formats": list(wanted),
+        "precision": precision,
+        "rest": {"output": rest[0], "measurement": rest[1]},
+        "units": found.gains.gain_units,
+    }
+    rows: list[tuple[str, float | str, str]] = [("written", str(out / file), "") for file in texts]
+    rows += [("output at rest", rest[0], found.gains.output_unit), ("measurement at rest", rest[1], found.gains.input_unit)]
+    rows += [("compile", f"{COMPILE} {name}.c", "")] if "c" in wanted else []
+    shell.show(record, Facts(f"Export of {controller.name}", rows))
+
+
+def _formats(text: str) -> tuple[str, ...]:
+    from revline.io.controller_exports import FORMATS
+
+    wanted = tuple(FORMATS) if text == "all" else tuple(entry.strip() for entry in text.split(","))
+    unknown = [entry for entry in wanted if entry not in FORMATS]
+    if unknown:
+        message = f"there is no format {unknown[0]!r}; there are {', '.join(FORMATS)}, and all"
+        raise InvalidInputError(message, format=unknown[0])
+    return wanted
+
+
+def _at_rest(
+    controller: "PidController", place: EngineChoice, given: tuple[float | None, float | None]
+) -> "tuple[PidController, tuple[float, float], tuple[float, float]]":
+    """The controller within its limits, output and measurement at rest, and the output's full range."""
+    if place.throttle is None:
+        refuse_engine(place, "without --throttle the controller rests where --rest-output and --rest-measurement say")
+        low, high = own_limits(controller)
+        full = (0.0 if low is None else low, 90.0 if high is None else high)
+        rest = (given[0] if given[0] is not None else min(max(0.0, controller.low), controller.high), given[1] or 0.0)
+        return controller, rest, full
+    if given != (None, None):
+        message = "--throttle and --rest-output or --rest-measurement each say where the controller rests; give one"
+        raise InvalidInputError(message)
+    from revline.engine.lee1995 import lee1995_parameters
+
+    system, trim = find_engine_trim(place, "")
+    bounds = throttle_limits(own_limits(controller), lee1995_parameters(system).throttle.saturation_angle)
+    return replace(controller, low=bounds[0], high=bounds[1]), (place.throttle, trim.output("engine_speed")), bounds
+
+
+def _make_folder(out: Path) -> None:
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        message = f"the folder {out} cannot be made: {error.strerror}; name another with --out"
+        raise InvalidInputError(message) from error

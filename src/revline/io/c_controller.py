@@ -1,0 +1,200 @@
+"""A sampled controller as C99: one file without dependency, written from the same equations as the simulation runs.
+
+Compiled without contraction (-ffp-contract=off) and without -ffast-math it computes, in double precision, the same bits.
+"""
+
+import math
+import re
+from collections.abc import Mapping
+from enum import Enum
+from types import MappingProxyType
+from typing import Any, Final
+
+from revline.errors import InvalidInputError
+from revline.io.recorded_operations import Operation, Statement, given, write_statements
+from revline.sampled import SampledController
+from revline.system import Variable
+
+COMPILE: Final = "gcc -std=c99 -O2 -ffp-contract=off -Wall -Wextra -Werror -pedantic -c"
+"""How the file is compiled; the flags are part of what is promised."""
+
+
+class Precision(Enum):
+    """Type of all numbers."""
+
+    DOUBLE = "double"
+    FLOAT = "float"
+
+
+LIMITS: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "minimum": "static real minimum(real a, real b) { return (a != a) ? a : ((b != b) ? b : ((a < b) ? a : b)); }",
+        "maximum": "static real maximum(real a, real b) { return (a != a) ? a : ((b != b) ? b : ((a > b) ? a : b)); }",
+        "fmin_": "static real fmin_(real a, real b) { return (a != a) ? b : ((b != b) ? a : ((a < b) ? a : b)); }",
+        "fmax_": "static real fmax_(real a, real b) { return (a != a) ? b : ((b != b) ? a : ((a > b) ? a : b)); }",
+    }
+)
+"""What limits a number, as the simulation has it: in the first two what is no number stays none, in the others it is passed over."""
+
+FUNCTIONS: Final[Mapping[str, str]] = MappingProxyType({"fmin(": "fmin_(", "fmax(": "fmax_("})
+
+
+def write_c_controller(
+    controller: SampledController, *, name: str, precision: Precision, about: Mapping[str, str], units: Mapping[str, str]
+) -> str:
+    """Write a sampled controller as one C99 file.
+
+    Args:
+        controller: whose equations and parameters are written.
+        name: begins the names of all that the file offers.
+        precision: type of all numbers; parameters for rounding must have been made for it.
+        about: what the head of the file says, by key.
+        units: of the parameters, by name.
+
+    Returns:
+        The text of the file: a struct of states, one of outputs, `NAME_start` and `NAME_step`.
+
+    Raises:
+        InvalidInputError: the name is none in C.
+    """
+    if not re.fullmatch(r"[a-z][a-z0-9_]{0,30}", name):
+        message = f"{name!r} is no name for C code; give lower-case letters, digits and underscores, beginning with a letter"
+        raise InvalidInputError(message, name=name)
+    head = "\n".join(f" * {key}: {_comment(value)}" for key, value in about.items())
+    parameters = controller.parameters
+    pairs = list(zip(type(parameters)._fields, parameters, strict=True))
+    declared = "\n".join(f"    real {field}; /* [{units.get(field, '1')}] */" for field, _ in pairs)
+    constants = "\n".join(f"    {_literal(float(value))}, /* {field} */" for field, value in pairs)
+    begin, sample = _start(controller), _step(controller)
+    limits = "\n".join(text for function, text in LIMITS.items() if f"{function}(" in begin + sample)
+    drives = ", ".join(f"{v.name}_now" for v in controller.outputs[: controller.drives])
+    return f"""/* {name}: a sampled controller, one file of C99 without dependency.
+ *
+{head}
+ *
+ * Compile: {COMPILE} {name}.c
+ * Call {name}_start once, where the controller takes over, then {name}_step at each sample.
+ */
+
+typedef {precision.value} real;
+
+#include <float.h>
+#if defined(__FAST_MATH__)
+#error "fast-math changes what this file computes; compile without it"
+#endif
+#if defined(FLT_EVAL_METHOD) && FLT_EVAL_METHOD != 0
+#error "numbers are kept with more digits than they have; on x86 compile with -msse2 -mfpmath=sse"
+#endif
+
+/* Parameters. */
+static const struct {{
+{declared}
+}} p = {{
+{constants}
+}};
+
+/* States between samples. */
+typedef struct {{
+{_fields(controller.states)}
+}} {name}_state;
+
+/* Outputs of a sample: what drives the plant first, then what it is made of. */
+typedef struct {{
+{_fields(controller.outputs)}
+}} {name}_output;
+
+{name}_state {name}_start({_arguments(controller.measurements, controller.commands, controller.outputs[: controller.drives], "_now")});
+{name}_output {name}_step({name}_state *state, {_arguments(controller.measurements, controller.commands)}, real seconds);
+
+/* The smaller and the larger of two numbers. */
+{limits}
+
+/* States from which the first output is {drives}, if the commands stand still. */
+{name}_state {name}_start({_arguments(controller.measurements, controller.commands, controller.outputs[: controller.drives], "_now")})
+{{
+    {name}_state state;
+{begin}
+    return state;
+}}
+
+/* One sample, so many seconds after the one before. */
+{name}_output {name}_step({name}_state *state, {_arguments(controller.measurements, controller.commands)}, real seconds)
+{{
+    {name}_output output;
+{sample}
+    return output;
+}}
+"""
+
+
+def _start(controller: SampledController) -> str:
+    y, r, u, _ = _symbols(controller)
+    results = controller.start(_parameters(controller), y, r, u)
+    names = [f"state.{v.name}" for v in controller.states]
+    unused = [*controller.measurements, *controller.commands]
+    text = _code(write_statements(results, names, _literal), results=frozenset(names))
+    silenced = "".join(f"    (void){v.name};\n" for v in unused if not re.search(rf"\b{v.name}\b", text))
+    return f"    (void)p;\n{silenced}{text}".rstrip()
+
+
+def _step(controller: SampledController) -> str:
+    y, r, _, t = _symbols(controller)
+    xd = tuple(given(f"state->{v.name}") for v in controller.states)
+    results = controller.update(_parameters(controller), xd, y, r, t)
+    count = len(controller.states)
+    following = [f"next_{v.name}" for v in controller.states]
+    names = [*following, *(f"output.{v.name}" for v in controller.outputs)]
+    text = _code(write_statements(results, names, _literal), results=frozenset(names[count:]))
+    stored = "\n".join(f"    state->{v.name} = {name};" for v, name in zip(controller.states, following, strict=True))
+    silenced = "" if re.search(r"\bseconds\b", text) else "    (void)seconds;\n"
+    return f"{silenced}{text}{stored}"
+
+
+def _symbols(controller: SampledController) -> tuple[tuple[Operation, ...], ...]:
+    return (
+        tuple(given(v.name) for v in controller.measurements),
+        tuple(given(v.name) for v in controller.commands),
+        tuple(given(f"{v.name}_now") for v in controller.outputs[: controller.drives]),
+        (given("seconds"),),
+    )
+
+
+def _parameters(controller: SampledController) -> Any:
+    kind: Any = type(controller.parameters)
+    return kind(*(given(f"p.{field}") for field in kind._fields))
+
+
+def _code(statements: tuple[Statement, ...], *, results: frozenset[str]) -> str:
+    lines = []
+    for statement in statements:
+        text = _in_c(statement.expression)
+        lines.append(f"    {statement.name} = {text};" if statement.name in results else f"    const real {statement.name} = {text};")
+    return "\n".join(lines) + "\n"
+
+
+def _in_c(text: str) -> str:
+    return re.sub(r"\b(fmin|fmax)\(", lambda found: FUNCTIONS[found.group()], text)
+
+
+def _fields(variables: tuple[Variable, ...]) -> str:
+    return "\n".join(f"    real {v.name}; /* [{_comment(v.unit)}] {_comment(v.description)} */" for v in variables)
+
+
+def _arguments(*groups: tuple[Variable, ...] | str) -> str:
+    """Parameters of a function; the last group's names end in the text that follows it."""
+    *plain, last = groups if isinstance(groups[-1], str) else (*groups, "")
+    ending = str(last)
+    variables = [(v, ending if group is plain[-1] else "") for group in plain if not isinstance(group, str) for v in group]
+    return ", ".join(f"real {v.name}{suffix}" for v, suffix in variables)
+
+
+def _literal(value: float) -> str:
+    """Write a number so that the compiler reads the same bits."""
+    if math.isinf(value):
+        return "(real)(1.0 / 0.0)" if value > 0.0 else "(real)(-1.0 / 0.0)"
+    return f"(real){value!r}" if value >= 0.0 else f"(real)({value!r})"
+
+
+def _comment(text: str) -> str:
+    """Text that cannot end a comment."""
+    return " ".join(text.split()).replace("*/", "* /")

@@ -1,0 +1,100 @@
+"""The command export: what it writes runs, and what it refuses."""
+
+import json
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from revline.io.c_controller import COMPILE
+
+from .conftest import Command
+
+
+def controller(folder: Path, **entries: Any) -> Path:
+    path = folder / "controller.json"
+    path.write_text(json.dumps({"kp": 1.2, "ki": 2.0, "kd": 0.1, **entries}))
+    return path
+
+
+def test_every_format_is_written_and_the_c_code_compiles(revline: Command, tmp_path: Path) -> None:
+    out = tmp_path / "code"
+    done = revline("export", controller(tmp_path), "--format", "all", "--throttle", 25, "--name", "idle", "--out", out, "--json")
+    assert done.status == 0
+    record = json.loads(done.out)
+    assert [Path(file).name for file in record["files"]] == ["idle.c", "idle.m", "idle_control.py", "idle.json"]
+    assert record["rest"]["measurement"] == pytest.approx(240.799, abs=1e-3)
+    assert subprocess.run([*COMPILE.split(), "idle.c"], cwd=out, check=False).returncode == 0  # noqa: S603 - the compiler
+    content = json.loads((out / "idle.json").read_text())
+    assert content["sampled_parameters"]["high"] == pytest.approx(79.46)
+    assert content["sampling"] == {"kind": "fixed-rate", "period_s": 0.005, "computation_delay_s": 0.0}
+    ecu = content["engine_computer_units"]
+    assert ecu["kp_percent_per_rpm"] == pytest.approx(1.2 * np.pi / 30.0 * 100.0 / 79.46)
+    assert ecu["ki_percent_per_rpm_and_sample"] == pytest.approx(2.0 * 0.005 * np.pi / 30.0 * 100.0 / 79.46)
+    assert ecu["kd_percent_s_per_rpm"] == pytest.approx(0.1 * np.pi / 30.0 * 100.0 / 79.46)
+    assert ecu["period_ms"] == 5.0
+    again = revline("export", out / "idle.json", "--format", "c", "--rest-output", 25, "--out", tmp_path / "again")
+    assert again.status == 0
+
+
+def test_the_objects_of_python_control_are_the_law(revline: Command, tmp_path: Path) -> None:
+    """Continuous and sampled, with weights and a filter, at some frequencies."""
+    control = pytest.importorskip("control")
+    file = controller(tmp_path, setpoint_weight=0.5, derivative_weight=0.25, filter_time_s=0.02)
+    assert revline("export", file, "--format", "control", "--period", 0.01, "--out", tmp_path).status == 0
+    made: dict[str, Any] = {}
+    exec((tmp_path / "speed_controller_control.py").read_text(), made)  # noqa: S102 - what the command wrote
+    for omega in (0.3, 5.0, 60.0):
+        s, z = 1j * omega, np.exp(1j * omega * 0.01)
+        derivative, difference = 0.1 * s / (0.02 * s + 1.0), 1.0 - 1.0 / z
+        sampled_derivative = 0.1 * difference / (0.01 + 0.02 * difference)
+        for name, point, wanted in (
+            ("from_command", s, 0.6 + 2.0 / s + 0.25 * derivative),
+            ("from_measurement", s, 1.2 + 2.0 / s + derivative),
+            ("sampled_from_command", z, 0.6 + 0.02 / difference + 0.25 * sampled_derivative),
+            ("sampled_from_measurement", z, 1.2 + 0.02 / difference + sampled_derivative),
+        ):
+            assert complex(control.evalfr(made[name], point)) == pytest.approx(wanted, rel=1e-9), name
+
+
+def test_the_matlab_function_says_the_same_as_the_c_code(revline: Command, tmp_path: Path) -> None:
+    """Both come from one record of operations: expression by expression they differ in notation only."""
+    assert revline("export", controller(tmp_path), "--format", "c,matlab", "--out", tmp_path).status == 0
+    c, m = (tmp_path / "speed_controller.c").read_text(), (tmp_path / "speed_controller.m").read_text()
+    in_c = [line.strip().removeprefix("const real ") for line in c.splitlines() if line.strip().startswith("const real v")]
+    in_m = [line.strip() for line in m.splitlines() if line.strip().startswith("v") and " = " in line]
+    steps = in_c[-len(in_m) :]
+    plain = [line.replace("(real)", "").replace("fmin_", "fmin").replace("fmax_", "fmax").replace("state->", "state.") for line in steps]
+    assert plain == in_m
+    assert len(in_m) > 15
+    assert m.count("\nfunction ") == 4
+
+
+@pytest.mark.parametrize(
+    ("entries", "options", "words"),
+    [
+        ({}, ["--format", "fortran"], "there is no format 'fortran'; there are c, matlab, control, json, and all"),
+        ({}, ["--format", "c", "--name", "Idle"], "is no name for C code"),
+        ({}, ["--format", "c", "--load", "5"], "without --throttle the controller rests where"),
+        ({}, ["--format", "c", "--throttle", "25", "--rest-output", "3"], "each say where the controller rests; give one"),
+        ({"output_low": 5, "output_high": 20}, ["--format", "c", "--throttle", "25"], "output at rest = 25 deg is outside"),
+        ({"output_low": 5, "output_high": 20}, ["--format", "c", "--rest-output", "2"], "output at rest = 2 deg is outside"),
+        ({"output_step": 1e-9}, ["--format", "c", "--precision", "float", "--throttle", "25"], "output step = 1e-09 deg is outside"),
+        ({"sampling": {"period_s": 0.01}}, ["--format", "c", "--period", "0.02"], "says itself when its controller samples"),
+        ({"input_unit": "kPa"}, ["--format", "json"], "gains per rpm need a speed in rad/s; this controller measures in kPa"),
+        ({"output_low": 5, "output_high": 4}, ["--format", "c"], "is not below the upper"),
+    ],
+)
+def test_what_cannot_be_exported_is_refused(revline: Command, tmp_path: Path, entries: Any, options: list[str], words: str) -> None:
+    done = revline("export", controller(tmp_path, **entries), *options, "--out", tmp_path / "out")
+    assert done.status == 2
+    assert words in " ".join(done.err.split())
+
+
+def test_a_folder_that_cannot_be_made_is_told(revline: Command, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    done = revline("export", controller(tmp_path), "--format", "c", "--out", tmp_path / "file" / "x")
+    assert done.status == 2
+    assert "cannot be made" in done.err
