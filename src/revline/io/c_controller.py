@@ -39,6 +39,66 @@ LIMITS: Final[Mapping[str, str]] = MappingProxyType(
 FUNCTIONS: Final[Mapping[str, str]] = MappingProxyType({"fmin(": "fmin_(", "fmax(": "fmax_("})
 
 
+TEMPLATE: Final = """/* {name}: a sampled controller, one file of C99 without dependency.
+ *
+{head}
+ *
+ * Compile: {compile} {name}.c
+ * Call {name}_start once, where the controller takes over, then {name}_step at each sample.
+ */
+
+typedef {precision} real;
+
+#include <float.h>
+#if defined(__FAST_MATH__)
+#error "fast-math changes what this file computes; compile without it"
+#endif
+#if defined(FLT_EVAL_METHOD) && FLT_EVAL_METHOD != 0
+#error "numbers are kept with more digits than they have; on x86 compile with -msse2 -mfpmath=sse"
+#endif
+
+/* Parameters. */
+static const struct {{
+{declared}
+}} p = {{
+{constants}
+}};
+
+/* States between samples. */
+typedef struct {{
+{states}
+}} {name}_state;
+
+/* Outputs of a sample: what drives the plant first, then what it is made of. */
+typedef struct {{
+{outputs}
+}} {name}_output;
+
+{name}_state {name}_start({start_arguments});
+{name}_output {name}_step({name}_state *state, {step_arguments}, real seconds);
+
+/* The smaller and the larger of two numbers. */
+{limits}
+
+/* States from which the first output is {drives}, if the commands stand still. */
+{name}_state {name}_start({start_arguments})
+{{
+    {name}_state state;
+{begin}
+    return state;
+}}
+
+/* One sample, so many seconds after the one before. */
+{name}_output {name}_step({name}_state *state, {step_arguments}, real seconds)
+{{
+    {name}_output output;
+{sample}
+    return output;
+}}
+"""
+"""The file, with what differs from controller to controller in braces."""
+
+
 def write_c_controller(
     controller: SampledController, *, name: str, precision: Precision, about: Mapping[str, str], units: Mapping[str, str]
 ) -> str:
@@ -68,63 +128,22 @@ def write_c_controller(
     begin, sample = _start(controller), _step(controller)
     limits = "\n".join(text for function, text in LIMITS.items() if f"{function}(" in begin + sample)
     drives = ", ".join(f"{v.name}_now" for v in controller.outputs[: controller.drives])
-    return f"""/* {name}: a sampled controller, one file of C99 without dependency.
- *
-{head}
- *
- * Compile: {COMPILE} {name}.c
- * Call {name}_start once, where the controller takes over, then {name}_step at each sample.
- */
-
-typedef {precision.value} real;
-
-#include <float.h>
-#if defined(__FAST_MATH__)
-#error "fast-math changes what this file computes; compile without it"
-#endif
-#if defined(FLT_EVAL_METHOD) && FLT_EVAL_METHOD != 0
-#error "numbers are kept with more digits than they have; on x86 compile with -msse2 -mfpmath=sse"
-#endif
-
-/* Parameters. */
-static const struct {{
-{declared}
-}} p = {{
-{constants}
-}};
-
-/* States between samples. */
-typedef struct {{
-{_fields(controller.states)}
-}} {name}_state;
-
-/* Outputs of a sample: what drives the plant first, then what it is made of. */
-typedef struct {{
-{_fields(controller.outputs)}
-}} {name}_output;
-
-{name}_state {name}_start({_arguments(controller.measurements, controller.commands, controller.outputs[: controller.drives], "_now")});
-{name}_output {name}_step({name}_state *state, {_arguments(controller.measurements, controller.commands)}, real seconds);
-
-/* The smaller and the larger of two numbers. */
-{limits}
-
-/* States from which the first output is {drives}, if the commands stand still. */
-{name}_state {name}_start({_arguments(controller.measurements, controller.commands, controller.outputs[: controller.drives], "_now")})
-{{
-    {name}_state state;
-{begin}
-    return state;
-}}
-
-/* One sample, so many seconds after the one before. */
-{name}_output {name}_step({name}_state *state, {_arguments(controller.measurements, controller.commands)}, real seconds)
-{{
-    {name}_output output;
-{sample}
-    return output;
-}}
-"""
+    return TEMPLATE.format(
+        name=name,
+        head=head,
+        compile=COMPILE,
+        precision=precision.value,
+        declared=declared,
+        constants=constants,
+        states=_fields(controller.states),
+        outputs=_fields(controller.outputs),
+        start_arguments=_arguments(controller.measurements, controller.commands, controller.outputs[: controller.drives], "_now"),
+        step_arguments=_arguments(controller.measurements, controller.commands),
+        limits=limits,
+        drives=drives,
+        begin=begin,
+        sample=sample,
+    )
 
 
 def _start(controller: SampledController) -> str:
