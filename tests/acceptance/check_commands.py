@@ -10,12 +10,9 @@ purpose (a number moved, an exit status changed, a traceback added), and an alte
 Standard library only. Values: K. Lee, MSc thesis, University of Southern California, 1995, and converged computations.
 """
 
-import copy
 import csv
 import json
 import math
-import os
-import re
 import shutil
 import signal
 import subprocess
@@ -25,23 +22,18 @@ import threading
 import time
 import tomllib
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor, wait
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
+
+from json_values import agrees, find, move
+from side_by_side import PROCESSORS, files_named, files_written, run_in_order
 
 HERE = Path(__file__).resolve().parent
 TABLE = HERE.parent / "reference" / "table_4_1.csv"
 LONGEST = 600.0
 """Seconds that one command may take."""
-
-PROCESSORS = len(os.sched_getaffinity(0))
-AHEAD = 4 * PROCESSORS
-"""How many commands of one file may be under way or wait for others."""
-
-WRITING = frozenset({"--out", "--csv", "--plot", "--cells", "--step-out"})
-"""Options whose value is a file or folder that the command writes."""
 
 RUNNING = threading.BoundedSemaphore(PROCESSORS)
 """Lets as many commands run at once as there are processors."""
@@ -86,26 +78,6 @@ def check_frame(done: Done, status: int) -> list[str]:
     return faults
 
 
-def find(record: Any, path: str) -> Any:
-    """Follow a dotted path of keys and positions; nothing where it ends early."""
-    for part in path.split("."):
-        if isinstance(record, dict):
-            record = record.get(part)
-        elif isinstance(record, list) and part.lstrip("-").isdigit() and -len(record) <= int(part) < len(record):
-            record = record[int(part)]
-        else:
-            return None
-    return record
-
-
-def agrees(found: Any, wanted: Any, tolerance: float) -> bool:
-    """Whether a value is the one wanted: numbers within a tolerance, all else exactly."""
-    if isinstance(wanted, float):
-        is_number = isinstance(found, int | float) and not isinstance(found, bool)
-        return is_number and math.isfinite(found) and abs(found - wanted) <= tolerance
-    return type(found) is type(wanted) and bool(found == wanted)
-
-
 def check_values(value: Value, done: Done) -> list[str]:
     """Faults of an answer in JSON."""
     faults = check_frame(done, 0)
@@ -129,22 +101,6 @@ def check_refusal(case: Refusal, done: Done) -> list[str]:
     text = " ".join(done.err.split())
     faults += [f"the message does not say {word!r}: {text[:300]!r}" for word in case.words if word not in text]
     return faults
-
-
-def move(record: Any, path: str, tolerance: float) -> Any:
-    """A record with one value altered beyond its tolerance."""
-    altered = copy.deepcopy(record)
-    *way, last = path.split(".")
-    parent = find(altered, ".".join(way)) if way else altered
-    key: Any = int(last) if isinstance(parent, list) else last
-    value = parent[key]
-    if isinstance(value, bool):
-        parent[key] = not value
-    elif isinstance(value, int | float):
-        parent[key] = value + 3.0 * tolerance + 1e-9 * max(1.0, abs(value))
-    else:
-        parent[key] = f"not {value}"
-    return altered
 
 
 class Checker:
@@ -375,35 +331,6 @@ def find_program(given: list[str]) -> list[str]:
         message = "there is no revline beside this Python or on the path; give its path"
         raise SystemExit(message)
     return [str(Path(found).absolute())] if Path(found).exists() else [found]
-
-
-def files_named(arguments: Sequence[str], given: frozenset[str]) -> frozenset[str]:
-    """Files and folders that a command names: words with a dot, what it writes, and their folders; not those that were given."""
-    words = {part for word in arguments[1:] for part in re.split("[:=,+]", word) if "." in part and not re.match(r"[-+.@\d]", part)}
-    return frozenset(name for word in words - given | files_written(arguments) for name in (word, word.partition("/")[0]))
-
-
-def files_written(arguments: Sequence[str]) -> frozenset[str]:
-    """What a command is asked to write."""
-    return frozenset(word for option, word in pairwise(arguments) if option in WRITING)
-
-
-def run_in_order(steps: Sequence[tuple[frozenset[str], Callable[[], None]]]) -> None:
-    """Run steps side by side, each after the earlier ones with which it has a name in common; wait for all."""
-    latest: dict[str, list[Future[None]]] = {}
-
-    def run(step: Callable[[], None], before: list[Future[None]]) -> None:
-        wait(before)  # all were started earlier, so that the earliest under way never waits
-        step()
-
-    with ThreadPoolExecutor(AHEAD) as pool:
-        running = []
-        for names, step in steps:
-            before = [future for name in names for future in latest.get(name, ())]
-            running.append(pool.submit(run, step, before))
-            for name in names:
-                latest.setdefault(name, []).append(running[-1])
-        _ = [ended.result() for ended in running]
 
 
 def check_cases(checker: Checker, cases: dict[str, Any], engine: str) -> None:

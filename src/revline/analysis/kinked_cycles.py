@@ -2,7 +2,7 @@
 
 A trigonometric series converges slowly at a kink. Here a cycle found by harmonic balance, or a simulated one, is the start of another
 computation: polynomials on elements, collocated at Radau points. Where the arguments of a minimum or maximum cross along the cycle is
-found by bisection; so is where each channel delivers what entered it then, up to twice in a row. The elements are laid anew with ends
+found by narrowing; so is where each channel delivers what entered it then, up to twice in a row. The elements are laid anew with ends
 there, until these places stay. On the same elements the Floquet multipliers are computed, each coefficient taken from its own side of a
 kink.
 

@@ -2,7 +2,7 @@ import threading
 import time
 from functools import partial
 
-from tests.acceptance.check_commands import files_named, run_in_order
+from side_by_side import files_named, run_in_order
 
 
 def test_a_command_names_what_it_reads_and_writes_but_not_what_it_was_given() -> None:
