@@ -27,6 +27,7 @@ from revline.cli import (
     mid_ranging_command,
     model_commands,
     nu_gap_command,
+    optimise_command,
     region_command,
     relay_command,
     response_command,
@@ -136,6 +137,12 @@ COMMANDS = (
         mid_ranging_command.mid_ranging,
         "Speed by spark and throttle against a step of the load.",
         "revline mid-ranging --throttle 12 --spark -20 --load-step 4 --out idle.csv",
+    ),
+    Entry(
+        "optimise",
+        optimise_command.optimise,
+        "Gains of least error under bounds, its delay exact.",
+        "revline optimise --throttle 25 --ms 2 --out best.json",
     ),
     Entry(
         "relay",

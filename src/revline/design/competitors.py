@@ -1,0 +1,87 @@
+"""Controllers held against the optimum under their own bounds: is there anything better of the same form and robustness?"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from revline.design.controller import PidGains
+from revline.design.loop_cost import Cost, LoopGrid, Terms
+from revline.design.margins import Margins, find_margins
+from revline.design.optimise import Optimum, cost_of, optimise
+from revline.design.optimum_problem import Bounds, Objective, Scale
+from revline.design.tuning_plant import TuningPlant
+from revline.errors import RevlineError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Competitor:
+    """A controller, and the best of its form with its maximum sensitivity and its set-point error as bounds.
+
+    Attributes:
+        name: of the controller.
+        gains: its own.
+        cost: what it costs.
+        optimum: the best of its form (PI where it has no derivative) under those bounds.
+        margins: of the optimum's exact loop, by another way than the optimisation's.
+    """
+
+    name: str
+    gains: PidGains
+    cost: Cost
+    optimum: Optimum
+    margins: Margins
+
+    @property
+    def ratio(self) -> float:
+        """Load error of the optimum over that of the controller."""
+        return self.optimum.cost / self.cost.load
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Comparison:
+    """Controllers held against the optimum.
+
+    Attributes:
+        plant: its name.
+        competitors: those that could be.
+        left_out: the others by name, each with its reason.
+    """
+
+    plant: str
+    competitors: tuple[Competitor, ...]
+    left_out: Mapping[str, str]
+
+
+def compare_with_competitors(plant: TuningPlant, grid: LoopGrid, scale: Scale, rivals: Mapping[str, PidGains]) -> Comparison:
+    """Minimise the load error under each controller's own maximum sensitivity and set-point error.
+
+    The optimum has the form of the controller: its derivative acts on the measurement, its set-point weight is 1, and it has a derivative
+    only where the controller has one.
+
+    Args:
+        plant: from `tuning_plant`.
+        grid: of the same plant, from `make_grid`.
+        scale: from `find_scale`.
+        rivals: controllers by name.
+    """
+    found, left_out = [], {}
+    for name, gains in rivals.items():
+        try:
+            found.append(_compete(plant, grid, scale, name, gains))
+        except RevlineError as error:
+            left_out[name] = str(error)
+    return Comparison(plant=plant.name, competitors=tuple(found), left_out=MappingProxyType(left_out))
+
+
+def _compete(plant: TuningPlant, grid: LoopGrid, scale: Scale, name: str, gains: PidGains) -> Competitor:
+    cost = cost_of(grid, gains)
+    optimum = optimise(
+        (grid,),
+        scale,
+        Bounds(ms=float(cost.sensitivity.max()), setpoint_iae=cost.setpoint),
+        Objective.LOAD,
+        free=("kp", "ki", "kd") if gains.kd != 0.0 else ("kp", "ki"),
+        starts=(Terms(gains.kp, gains.ki, gains.kd, 1.0),),
+    )
+    margins = find_margins(plant.loop(optimum.gains(gains)))
+    return Competitor(name=name, gains=gains, cost=cost, optimum=optimum, margins=margins)

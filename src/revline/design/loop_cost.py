@@ -1,0 +1,241 @@
+"""What a loop costs, exact in its delays and quick enough to optimise: integrated absolute errors, peaks, and their gradients.
+
+Both step responses come from the exact closed loop on a grid of frequencies by one fast Fourier transform each: with
+s(1 + L) = s + G (kp s + ki + kd s^2 F) =: Q the answers to unit steps of load and command are
+
+    Y = Gd/Q,   E = (1 + G (kp (1 - b) + kd s F))/Q
+
+for which no delay is approximated. E begins with a jump, which (s + 2a)/(s + a)^2 takes away. What is left out is what the transform's
+period cuts off and what lies above its highest frequency; half the resolution tells how much that is.
+
+Source: Astrom and Hagglund (2006), Advanced PID Control, sections 4.4 to 4.9; Dubner and Abate (1968), Journal of the ACM 15, 115-123.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from revline.errors import out_of_range
+from revline.units import Seconds
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+SAMPLES = 4096
+"""Samples of the transform's period; half of them are the horizon."""
+
+GRID = 900
+"""Frequencies on which peaks are sought; between them a parabola."""
+
+BINS = 10
+"""Parts of the frequency range whose peaks are constraints of their own, so that two peaks of one height do not hide one another."""
+
+GAINS = ("kp", "ki", "kd", "b")
+"""What may be chosen; b is the set-point weight."""
+
+
+class Terms(NamedTuple):
+    """Proportional, integral and derivative gain, and the set-point weight."""
+
+    kp: float
+    ki: float
+    kd: float
+    b: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LoopGrid:
+    """A plant's exact response where costs are computed.
+
+    Attributes:
+        s: of the transform, shape (samples/2 + 1,), from 0 up the imaginary axis.
+        plant, load: from control and from load to the measurement there.
+        omega: for peaks, shape (n,), rising.
+        at_peaks: the plant there.
+        horizon: time over which errors are integrated, in s.
+        filter_time: of the derivative, in s.
+        unstable_poles: of the plant.
+    """
+
+    s: Complexes
+    plant: Complexes
+    load: Complexes
+    omega: Floats
+    at_peaks: Complexes
+    horizon: Seconds
+    filter_time: Seconds
+    unstable_poles: int
+
+    @property
+    def spacing(self) -> Seconds:
+        """Time between samples of the responses."""
+        return self.horizon / (self.s.size - 1)
+
+    def coarser(self) -> "LoopGrid":
+        """The same with half the highest frequency, for an estimate of the error."""
+        half = self.s.size // 2 + 1
+        return LoopGrid(
+            s=self.s[:half],
+            plant=self.plant[:half],
+            load=self.load[:half],
+            omega=self.omega,
+            at_peaks=self.at_peaks,
+            horizon=self.horizon,
+            filter_time=self.filter_time,
+            unstable_poles=self.unstable_poles,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Cost:
+    """Costs of a loop and their gradients with respect to kp, ki, kd, b.
+
+    Attributes:
+        load, setpoint: integrated absolute error after a unit step of load and of command.
+        sensitivity, complementary, effort: peaks in each bin of |S|, |T| and |C S|, shape (bins,).
+        gradients: of these five in this order, each of shape (.., 4).
+        stable: whether the closed loop is.
+        tail: largest error in the last tenth of the horizon, as a part of the largest, of both responses.
+    """
+
+    load: float
+    setpoint: float
+    sensitivity: Floats
+    complementary: Floats
+    effort: Floats
+    gradients: tuple[Floats, Floats, Floats, Floats, Floats]
+    stable: bool
+    tail: float
+
+
+def find_cost(grid: LoopGrid, terms: Terms) -> Cost:
+    """Find what a loop costs.
+
+    The numbers of an unstable loop mean nothing but that it is so.
+
+    Args:
+        grid: of the plant.
+        terms: of the controller.
+    """
+    load, load_slope, setpoint, setpoint_slope, tail = _errors(grid, terms)
+    peaks = _peaks(grid, terms)
+    return Cost(
+        load=load,
+        setpoint=setpoint,
+        sensitivity=peaks[0][0],
+        complementary=peaks[1][0],
+        effort=peaks[2][0],
+        gradients=(load_slope, setpoint_slope, peaks[0][1], peaks[1][1], peaks[2][1]),
+        stable=_is_stable(grid, terms),
+        tail=tail,
+    )
+
+
+def find_errors(grid: LoopGrid, terms: Terms) -> tuple[Floats, Floats, Floats]:
+    """Give times, and the errors after unit steps of load and of command, each of shape (n,)."""
+    load, setpoint, start = _transforms(grid, terms)[:3]
+    return _times(grid), _back(grid, load), _back(grid, setpoint) + start
+
+
+def _times(grid: LoopGrid) -> Floats:
+    return np.asarray(grid.spacing * np.arange(grid.s.size), dtype=np.float64)
+
+
+def _back(grid: LoopGrid, values: Complexes) -> Floats:
+    """Turn transforms (along the last axis) into responses over the horizon."""
+    count = 2 * (grid.s.size - 1)
+    return np.asarray(np.fft.irfft(values, count)[..., : grid.s.size] * (count / (2.0 * grid.horizon)))
+
+
+def _transforms(grid: LoopGrid, terms: Terms) -> tuple[Complexes, Complexes, Floats, Complexes, Complexes]:
+    """Load and set-point errors as transforms, what the latter begins with in time, and both gradients."""
+    kp, ki, kd, b = terms
+    s, plant = grid.s, grid.plant
+    filtered = s / (grid.filter_time * s + 1.0)
+    q = s + plant * (kp * s + ki + kd * s * filtered)
+    q_slopes = np.stack([plant * s, plant, plant * s * filtered, np.zeros_like(s)])
+    load = grid.load / q
+    n = 1.0 + plant * (kp * (1.0 - b) + kd * filtered)
+    n_slopes = np.stack([plant * (1.0 - b), np.zeros_like(s), plant * filtered, -kp * plant])
+    setpoint = n / q
+    rate = 40.0 / grid.horizon
+    start = (s + 2.0 * rate) / (s + rate) ** 2
+    times = _times(grid)
+    beginning = (1.0 + rate * times) * np.exp(-rate * times)
+    return load, setpoint - start, np.asarray(beginning), -load / q * q_slopes, (n_slopes - setpoint * q_slopes) / q
+
+
+def _errors(grid: LoopGrid, terms: Terms) -> tuple[float, Floats, float, Floats, float]:
+    load, setpoint, beginning, load_slopes, setpoint_slopes = _transforms(grid, terms)
+    weights = np.full(grid.s.size, grid.spacing)
+    weights[0] = weights[-1] = 0.5 * grid.spacing
+    y, e = _back(grid, load), _back(grid, setpoint) + beginning
+    late = slice(-grid.s.size // 10, None)
+    tails = [float(np.max(np.abs(row[late]), initial=0.0) / max(np.max(np.abs(row)), 1e-300)) for row in (y, e)]
+    return (
+        float(weights @ np.abs(y)),
+        np.asarray(_back(grid, load_slopes) @ (weights * np.sign(y))),
+        float(weights @ np.abs(e)),
+        np.asarray(_back(grid, setpoint_slopes) @ (weights * np.sign(e))),
+        max(tails),
+    )
+
+
+def _peaks(grid: LoopGrid, terms: Terms) -> list[tuple[Floats, Floats]]:
+    """Peaks of |S|, |T| and |C S| in each bin, with gradients: the largest on the grid, improved by a parabola."""
+    kp, ki, kd, _ = terms
+    s = 1j * grid.omega
+    filtered = s / (grid.filter_time * s + 1.0)
+    law = kp + ki / s + kd * filtered
+    law_slopes = np.stack([np.ones_like(s), 1.0 / s, filtered, np.zeros_like(s)])
+    sensitivity = 1.0 / (1.0 + grid.at_peaks * law)
+    of_loop = -grid.at_peaks * sensitivity * law_slopes  # slope of log S
+    complementary = 1.0 - sensitivity
+    with np.errstate(divide="ignore", invalid="ignore"):
+        of_complementary = np.where(law != 0.0, law_slopes / law, 0.0) + of_loop
+    measures = (
+        (sensitivity, of_loop),
+        (complementary, of_complementary),
+        (law * sensitivity, of_complementary),
+    )
+    return [_binned(np.log(np.maximum(np.abs(value), 1e-300)), np.real(slope)) for value, slope in measures]
+
+
+def _binned(logs: Floats, slopes: Floats) -> tuple[Floats, Floats]:
+    """Peak in each bin, and its slope, at the vertex of the parabola through the largest point and its neighbours."""
+    edges = np.linspace(0, logs.size, BINS + 1).astype(int)
+    values, gradients = np.empty(BINS), np.empty((BINS, slopes.shape[0]))
+    for k in range(BINS):
+        top = edges[k] + int(np.argmax(logs[edges[k] : edges[k + 1]]))
+        weights, first = np.array([1.0]), top
+        if 0 < top < logs.size - 1 and logs[top] >= max(logs[top - 1], logs[top + 1]):
+            bend = logs[top - 1] - 2.0 * logs[top] + logs[top + 1]
+            x = 0.5 * (logs[top - 1] - logs[top + 1]) / bend if bend < 0.0 else 0.0
+            weights, first = np.array([0.5 * x * (x - 1.0), 1.0 - x * x, 0.5 * x * (x + 1.0)]), top - 1
+        part = slice(first, first + weights.size)
+        values[k] = math.exp(min(float(weights @ logs[part]), 700.0))
+        gradients[k] = values[k] * (slopes[:, part] @ weights)
+    return values, gradients
+
+
+def _is_stable(grid: LoopGrid, terms: Terms) -> bool:
+    """Count the turns of (1 + L) s/(s + a), which has no pole on the axis, along the grid of peaks."""
+    s = 1j * grid.omega
+    law = terms.kp * s + terms.ki + terms.kd * s * s / (grid.filter_time * s + 1.0)
+    curve = (s + grid.at_peaks * law) / (s + 1.0)
+    turned = float(np.sum(np.angle(curve[1:] / curve[:-1])))
+    whole = turned + float(np.angle(curve[0])) - float(np.angle(curve[-1]))
+    return round(whole / math.pi) == grid.unstable_poles
+
+
+def check_horizon(horizon: float) -> None:
+    """Refuse a horizon that is none.
+
+    Raises:
+        InvalidInputError: it is not positive.
+    """
+    if not (math.isfinite(horizon) and horizon > 0.0):
+        raise out_of_range("horizon", horizon, "s", "the positive numbers", "give some of the plant's time constants")
