@@ -344,7 +344,7 @@ def _with_gains(system: DelaySystem, design: Design, place: tuple[float, float],
     kp = np.linspace(window.kp_low, window.kp_high, COLUMNS)
     ellipses = find_ellipses(region)
     stable, allowed = stable_columns(region, kp), peak_columns(region, kp, design.peak, ellipses)
-    best = None if allowed.empty else _best(region, ellipses, allowed, design.peak)
+    best = None if allowed.empty else best_gains(region, ellipses, allowed, design.peak)
     reason = ""
     if region.empty:
         reason = f"no kp and ki stabilise this point with kd = {design.kd:g}; change kd, or leave the point out"
@@ -355,8 +355,15 @@ def _with_gains(system: DelaySystem, design: Design, place: tuple[float, float],
     )
 
 
-def _best(region: GainRegion, ellipses: Ellipses, allowed: GainColumns, peak: float) -> BestGains:
-    """The largest ki, its neighbourhood divided again."""
+def best_gains(region: GainRegion, ellipses: Ellipses, allowed: GainColumns, peak: float) -> BestGains:
+    """Find the gains with the largest ki, dividing the neighbourhood of the best column again.
+
+    Args:
+        region: of one plant and kd.
+        ellipses: of the region.
+        allowed: gains that keep the peak, not empty.
+        peak: Ms.
+    """
     width = float(allowed.kp[1] - allowed.kp[0])
     kp, ki = allowed.highest
     for _ in range(ZOOMS):
