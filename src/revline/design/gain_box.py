@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from revline.design.gain_columns import peak_columns
-from revline.design.gain_map import Design, GainMap, GainPoint, MapPoint, solve_point
+from revline.design.gain_map import Design, GainGrid, GainMap, GainPoint, MapPoint, find_gain_map, solve_point
 from revline.design.sensitivity_contour import find_peaks
 from revline.errors import InvalidInputError, NotConvergedError, out_of_range
 from revline.system import DelaySystem
@@ -30,7 +30,10 @@ KP_SCALE = 0.05
 CANDIDATES = 200
 """Gains of the largest box on the grid whose peaks are compared."""
 
-HALVINGS = 5
+LINES = 4
+"""Into how many parts the grid is divided about the edges of its largest box, before the box is sought again."""
+
+HALVINGS = 4
 """How often an edge's place between two lines of the grid is halved."""
 
 ALONG = 5
@@ -134,15 +137,16 @@ class Solver:
     """Operating points of one system, each solved once; `best` is that of the map with the floor's kd."""
 
     def __init__(self, system: DelaySystem, found: GainMap, design: Design) -> None:
-        self._system, self._grid, self._design = system, found.grid, design
+        self._system, self._grid, self._design, self._found = system, found.grid, design, found
         self._known: dict[tuple[float, float], MapPoint] = {}
         if found.kd == design.kd and found.peak == design.peak:
             self._known = {point.place: point for point in found.points}
 
     def __call__(self, place: tuple[float, float]) -> MapPoint:
-        """Solve a point; a trim's neighbour is not needed, as all starts are tried."""
+        """Solve a point, on the branch of the nearest one of the map."""
         if place not in self._known:
-            self._known[place] = solve_point(self._system, self._grid, self._design, place)
+            near = min(self._found.found, key=lambda point: math.dist(point.place, place))
+            self._known[place] = solve_point(self._system, self._grid, self._design, place, near.trim)
         return self._known[place]
 
 
@@ -166,7 +170,9 @@ def find_largest_box(system: DelaySystem, found: GainMap, floor: Floor, *, refer
     if min(found.grid.shape) < 2 or found.grid.shape != reference.grid.shape:
         message = f"a box is sought in a map of {found.grid.shape} points; give at least two values on each axis, alike in both maps"
         raise InvalidInputError(message)
-    gains = _candidates(reference, floor)
+    gains, whole = _candidates(reference, floor), _whole(found)
+    ends, _ = _largest(found, _masks(found, reference, floor, gains))
+    found, reference = _finer(system, found, ends, same=reference is found, reference=reference)
     ends, good = _largest(found, _masks(found, reference, floor, gains))
     box = _box(found, ends)
     kp, ki = _gentlest(found, ends, [gains[k] for k in good])
@@ -182,7 +188,7 @@ def find_largest_box(system: DelaySystem, found: GainMap, floor: Floor, *, refer
     worst_at = _climb(box, step, tried, lambda place: try_gains(own, ask, floor, place, (kp, ki)))
     return BoxGains(
         box=box,
-        share=box.area / _whole(found).area,
+        share=box.area / whole.area,
         kp=kp,
         ki=ki,
         kd=found.kd,
@@ -262,6 +268,27 @@ def _largest(found: GainMap, masks: NDArray[np.bool_]) -> tuple[tuple[int, int, 
             return (a, b, c, d), good
     message = "no gains hold even one cell of the map with this floor; ask for less performance, allow a higher peak, or take a finer map"
     raise NotConvergedError(message)
+
+
+def _finer(
+    system: DelaySystem, found: GainMap, ends: tuple[int, int, int, int], *, same: bool, reference: GainMap
+) -> tuple[GainMap, GainMap]:
+    """The maps with more lines about a box's edges."""
+    axes = [
+        _more_lines(axis, pair)
+        for axis, pair in ((found.grid.first_values, ends[:2]), (found.grid.second_values, ends[2:]))
+    ]
+    grid = GainGrid(first=found.grid.first, first_values=axes[0], second=found.grid.second, second_values=axes[1])
+    own = find_gain_map(system, grid, Design(kd=found.kd, peak=found.peak))
+    return own, own if same else find_gain_map(system, grid, Design(kd=reference.kd, peak=reference.peak))
+
+
+def _more_lines(axis: Floats, pair: tuple[int, int]) -> Floats:
+    """Lines of a grid, with others about two of them."""
+    lines = [axis]
+    for k in pair:
+        lines += [np.linspace(axis[j], axis[j + 1], LINES + 1) for j in (k - 1, k) if 0 <= j < axis.size - 1]
+    return np.unique(np.round(np.concatenate(lines), 9))
 
 
 def _box(found: GainMap, ends: tuple[int, int, int, int]) -> Box:

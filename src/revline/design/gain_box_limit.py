@@ -38,7 +38,7 @@ SLICES = 9
 ROOM = 1.2
 """By this factor the box of gains exceeds that reach."""
 
-LATTICE = 120
+LATTICE = 60
 """Parts of each axis to whose lines the points of proofs are moved inwards, so that they are shared by many."""
 
 MOST_PARTS = 20_000
@@ -178,22 +178,22 @@ class _Prover:
     def rule_out(self, box: Box) -> Ruled | None:
         """Prove that as small a box as can be in the inside of one has no gains; nothing where none is found."""
         for share in SHAPES:
-            best = self._within(box, share, LARGEST)
+            best = self._within(box, share, LARGEST, 2) or self._within(box, share, LARGEST, 4)
             if best is None:
                 continue
-            low, high = 0.0, LARGEST
+            corners, (low, high) = len(best.places), (0.0, LARGEST)
             for _ in range(HALVINGS):
                 middle = 0.5 * (low + high)
-                smaller = self._within(box, share, middle)
+                smaller = self._within(box, share, middle, corners)
                 low, high, best = (low, middle, smaller) if smaller else (middle, high, best)
             return best
         return None
 
-    def _within(self, box: Box, share: float, factor: float) -> Ruled | None:
+    def _within(self, box: Box, share: float, factor: float, corners: int) -> Ruled | None:
         inner = _shrunk(box, factor, share, self._whole)
         if not (inner.first_low < inner.first_high and inner.second_low < inner.second_high):
             return None
-        return self._try(inner, inner.corners[:2]) or self._try(inner, inner.corners)
+        return self._try(inner, inner.corners[:corners])
 
     def _try(self, box: Box, places: tuple[tuple[float, float], ...]) -> Ruled | None:
         points = [self._solve(place) for place in places]

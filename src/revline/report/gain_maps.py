@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from revline.design.gain_columns import GainColumns
 from revline.design.gain_map import GainMap, GainPoint
+from revline.design.schedule_design import ScheduleResult
 from revline.errors import InvalidInputError
 from revline.report.parts import draw_curve
 from revline.report.style import (
@@ -17,6 +18,7 @@ from revline.report.style import (
     HEIGHT,
     MODELS,
     PALE,
+    VERMILION,
     WIDE,
     Look,
     Quantity,
@@ -56,6 +58,35 @@ def plot_gain_map(found: GainMap) -> Figure:
         _draw_limits(panels[0], found)
     _draw_overlay(panels[-1], found)
     add_legend(figure, columns=3)
+    finish_layout(figure)
+    return figure
+
+
+@drawn
+def plot_schedule(result: ScheduleResult) -> Figure:
+    """Draw a schedule's kp and ki over its two signals, and the peak of the sensitivity wherever it was tried.
+
+    Args:
+        result: the schedule with its evidence.
+    """
+    schedule = result.schedule
+    figure = new_figure(width=WIDE * 1.5, height=HEIGHT)
+    panels = figure.subplots(1, 3)
+    x, y = (Quantity(_plain(name), unit) for name, unit in zip(schedule.names, schedule.units, strict=True))
+    for axes, name, table, unit in (
+        (panels[0], "kp", schedule.kp, schedule.gain_unit),
+        (panels[1], "ki", schedule.ki, f"{schedule.gain_unit}/s"),
+    ):
+        draw_heat(axes, schedule.first, schedule.second, table)
+        axes.set_title(f"{name} ({unit})", fontsize=9.0)
+        label_axes(axes, x, y)
+    places = np.array([entry.place for entry in result.tried])
+    shown = panels[2].scatter(places[:, 0], places[:, 1], c=[entry.peak for entry in result.tried], s=12.0, cmap="Blues", edgecolors="none")
+    figure.colorbar(shown, ax=panels[2])
+    panels[2].plot([result.worst_at[0]], [result.worst_at[1]], "x", color=VERMILION, label=f"highest, {result.worst:.4g}")
+    panels[2].set_title("Ms between the nodes", fontsize=9.0)
+    label_axes(panels[2], x, y)
+    add_legend(figure)
     finish_layout(figure)
     return figure
 
