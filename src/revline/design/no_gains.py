@@ -45,8 +45,8 @@ DEPTH = 40
 MOST_CELLS = 60_000
 """Most cells looked at in all, where nothing else is asked for."""
 
-GROWTHS = 12
-"""How often the frequencies are extended until beyond them no gains of the box put a root on the axis."""
+FAR = 1e6
+"""A frequency in rad/s, and a factor of one, at which a plant is as it is at any higher one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,7 +147,7 @@ def prove_no_gains(points: Sequence[Point], box: GainBox, peak: float, *, most: 
         The proof, or a cell that neither reason covers: where the sets touch nearly, more cells than are allowed would be needed.
 
     Raises:
-        InvalidInputError: there are no points, or the peak is not above 1.
+        InvalidInputError: there are no points, the peak is not above 1, or a plant answers as fast as the largest kd rises.
         NotConvergedError: a curve turns too fast to be followed.
     """
     if not points:
@@ -180,17 +180,19 @@ def prove_no_gains(points: Sequence[Point], box: GainBox, peak: float, *, most: 
 
 def _axis(family: LoopFamily, box: GainBox) -> _Axis:
     """Follow q until no gains of the box can put a root on the axis any more."""
-    reach = max(abs(box.kp_low), abs(box.kp_high))
-    for _ in range(GROWTHS):
+    largest = max(abs(box.kp_low), abs(box.kp_high))
+    if abs(complex(family.inverse(np.array([1j * FAR]))[0])) <= box.kd_high * FAR:
+        message = f"{family.name} answers as fast as kd = {box.kd_high:g} rises, so that no frequency bounds the gains; lower the largest kd"
+        raise InvalidInputError(message, kd=box.kd_high)
+    reach = largest
+    while True:
         curve = trace_curve(family, kp_reach=reach, ki_reach=box.ki_high, low=LOW)
-        beyond = np.geomspace(curve.omega[-1], 1e3 * curve.omega[-1], 200)
+        beyond = np.geomspace(curve.omega[-1], FAR * curve.omega[-1], 400)
         with np.errstate(over="ignore"):
-            room = np.abs(family.inverse(1j * beyond)) - beyond * box.kd_high - max(abs(box.kp_low), abs(box.kp_high)) - box.ki_high / beyond
+            room = np.abs(family.inverse(1j * beyond)) - beyond * box.kd_high - largest - box.ki_high / beyond
         if np.all(room > 0.0):
             return _Axis(curve.omega, family.inverse(1j * curve.omega), family)
         reach *= 2.0
-    message = f"{family.name} answers faster than kd = {box.kd_high:g} lets gains be bounded; lower the largest kd"
-    raise InvalidInputError(message, kd=box.kd_high)
 
 
 def _exceeds(axes: Sequence[_Axis], cells: Cells, peak: float) -> NDArray[np.bool_]:
