@@ -39,7 +39,7 @@ HALVINGS = 4
 ALONG = 5
 """Points of an edge at which gains are tried while it is moved."""
 
-INSIDE = 7
+INSIDE = 6
 """Points in each direction at which the gains of a box are tried between the grid's lines."""
 
 WORST_HALVINGS = 3
@@ -284,10 +284,12 @@ def _finer(
 
 
 def _more_lines(axis: Floats, pair: tuple[int, int]) -> Floats:
-    """Lines of a grid, with others about two of them."""
+    """Lines of a grid, with others about two of them, where these are not its ends."""
     lines = [axis]
     for k in pair:
-        lines += [np.linspace(axis[j], axis[j + 1], LINES + 1) for j in (k - 1, k) if 0 <= j < axis.size - 1]
+        if k in (0, axis.size - 1):
+            continue
+        lines += [np.linspace(axis[j], axis[j + 1], LINES + 1) for j in (k - 1, k)]
     return np.unique(np.round(np.concatenate(lines), 9))
 
 
