@@ -1,5 +1,7 @@
 """Boxes of operating points for one set of gains, and the limit of such boxes, on a small map of the engine."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,8 @@ from revline.design.gain_map import Design, GainGrid, GainMap, GainPoint, find_g
 from revline.design.sensitivity_contour import find_peaks
 from revline.engine.lee1995 import lee1995
 from revline.errors import InvalidInputError, NotConvergedError
+from revline.io.common_gain_records import box_record, box_rows
+from revline.io.json_files import format_json
 
 
 def grid(throttle: list[float], load: list[float]) -> GainGrid:
@@ -53,6 +57,17 @@ def test_no_box_much_larger_is_left(found: BoxGains, limit: BoxLimit, engine_map
         assert found.floor.share * max(_best(place, engine_map) for place in ruled.places) == pytest.approx(ruled.floor_ki)
         inside = found.box.first_low <= ruled.box.first_low and found.box.first_high >= ruled.box.first_high
         assert not (inside and found.box.second_low <= ruled.box.second_low and found.box.second_high >= ruled.box.second_high)
+
+
+def test_the_record_tells_the_box_and_the_proofs(found: BoxGains, limit: BoxLimit, engine_map: GainMap) -> None:
+    record = json.loads(format_json(box_record(engine_map, found, limit)))
+    assert record["box"]["throttle_deg"] == [found.box.first_low, found.box.first_high]
+    assert record["floor"] == {"share_of_best_ki": 0.1, "ki": 0.0}
+    proof = record["limit"]["proofs"][0]
+    assert proof["smallest_ki"] == proof["gains"]["ki"][0]
+    assert proof["cells_above_ms"] + proof["cells_unstable"] <= proof["cells"]
+    assert proof["points"][0].keys() == {"throttle_deg", "load_torque_n_m"}
+    assert any("no box has more than" in row[0] for row in box_rows(engine_map, found, limit))
 
 
 def _best(place: tuple[float, float], engine_map: GainMap) -> float:

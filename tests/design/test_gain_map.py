@@ -121,7 +121,9 @@ def test_what_cannot_be_mapped_is_refused() -> None:
     with pytest.raises(InvalidInputError, match="both axes of the map are throttle"):
         GainGrid(first="throttle", first_values=np.array([1.0]), second="throttle", second_values=np.array([1.0]))
     with pytest.raises(InvalidInputError, match="throttle is to hold engine_speed"):
-        find_gain_map(engine, GainGrid(first="engine_speed", first_values=np.array([99.0]), second="throttle", second_values=np.array([9.0])))
+        find_gain_map(
+            engine, GainGrid(first="engine_speed", first_values=np.array([99.0]), second="throttle", second_values=np.array([9.0]))
+        )
     with pytest.raises(InvalidInputError, match="peak of the sensitivity = 1"):
         find_gain_map(engine, grid([20.0], [0.0]), Design(peak=1.0))
     with pytest.raises(NoTrimError, match="none of the 1 operating points has a result"):

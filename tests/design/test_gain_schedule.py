@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
+from revline.design import schedule_design
 from revline.design.controller import PidGains
 from revline.design.gain_map import Design, GainGrid, GainMap, GainPoint, find_gain_map, solve_point
 from revline.design.gain_schedule import PLAIN, GainSchedule, Scaling
@@ -36,7 +37,9 @@ def schedule(kp: object = None, *, scaling: Scaling = PLAIN, first: object = Non
 
 @pytest.fixture(scope="module")
 def speed_map() -> GainMap:
-    axes = GainGrid(first="engine_speed", first_values=np.geomspace(80.0, 240.0, 3), second="load_torque", second_values=np.array([0.0, 40.0]))
+    axes = GainGrid(
+        first="engine_speed", first_values=np.geomspace(80.0, 240.0, 3), second="load_torque", second_values=np.array([0.0, 40.0])
+    )
     return find_gain_map(lee1995(), axes)
 
 
@@ -60,7 +63,15 @@ def test_scaled_tables_keep_their_nodes_and_are_exact_for_powers() -> None:
     """A gain that is its power of the speed is met everywhere, which plain interpolation misses."""
     ratio = (SPEEDS / 400.0)[:, None] * np.ones((1, 2))
     exact = GainSchedule(
-        names=("w", "t"), units=("rad/s", "N m"), gain_unit="1", first=SPEEDS, second=LOADS, kp=ratio, ki=ratio**2, kd=0.0 * ratio, scaling=Scaling()
+        names=("w", "t"),
+        units=("rad/s", "N m"),
+        gain_unit="1",
+        first=SPEEDS,
+        second=LOADS,
+        kp=ratio,
+        ki=ratio**2,
+        kd=0.0 * ratio,
+        scaling=Scaling(),
     )
     kp, ki, _ = exact.gains_at(290.0, 13.0)
     assert (kp, ki) == pytest.approx((290.0 / 400.0, (290.0 / 400.0) ** 2), rel=1e-12)
@@ -92,12 +103,11 @@ def test_gains_that_do_not_follow_the_speed_are_noticed(designed: ScheduleResult
     assert designed.slowest > 0.0
 
 
-def test_a_bound_that_cannot_be_kept_between_the_nodes_is_refused() -> None:
-    """Two far nodes over a strongly curved map: no peak at them keeps the bound between."""
-    axes = GainGrid(first="throttle", first_values=np.array([10.0, 60.0]), second="load_torque", second_values=np.array([0.0, 20.0]))
-    found = find_gain_map(lee1995(), axes, Design(peak=1.25))
-    with pytest.raises(NotConvergedError, match="between the nodes of the schedule the sensitivity peaks at|no gains keep the peak"):
-        design_schedule(lee1995(), found, scaling=PLAIN)
+def test_a_bound_that_is_not_kept_between_the_nodes_is_refused(speed_map: GainMap, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the bound itself at the nodes it is exceeded between them, as long as the peak at the nodes is not lowered."""
+    monkeypatch.setattr(schedule_design, "ATTEMPTS", 1)
+    with pytest.raises(NotConvergedError, match="between the nodes of the schedule the sensitivity peaks at"):
+        design_schedule(lee1995(), speed_map, scaling=PLAIN)
 
 
 def test_an_interruption_ends_the_design(speed_map: GainMap) -> None:
@@ -147,7 +157,7 @@ def test_a_schedule_without_its_signals_goes_on() -> None:
     assert np.all(np.isfinite(nothing))
 
 
-def test_what_cannot_be_scheduled_is_refused(speed_map: GainMap) -> None:
+def test_what_cannot_be_scheduled_is_refused() -> None:
     with pytest.raises(InvalidInputError, match="axis engine_speed of the schedule"):
         schedule(first=[1.0, 1.0, 2.0])
     with pytest.raises(InvalidInputError, match="table kp of the schedule has shape"):

@@ -67,7 +67,9 @@ class Floor:
         if not 0.0 <= self.ki < math.inf:
             raise out_of_range("smallest ki", self.ki, "", "0 and above", "give one, or 0 for none")
         if self.share == self.ki == 0.0:
-            message = "no performance is asked for: at points that are stable by themselves no control at all would do; give a share or a ki"
+            message = (
+                "no performance is asked for: at points that are stable by themselves no control at all would do; give a share or a ki"
+            )
             raise InvalidInputError(message)
 
     def at(self, best: float) -> float:
@@ -236,7 +238,7 @@ def _candidates(reference: GainMap, floor: Floor) -> list[tuple[float, float]]:
     scale = KP_SCALE * high
     kp = scale * np.sinh(np.linspace(-math.asinh(0.5 * high / scale), math.asinh(high / scale), KP_COLUMNS))
     low = min(floor.at(gains.ki) for gains in best)
-    ki = np.geomspace(low, max(low * 1.001, max(gains.ki for gains in best)), KI_LEVELS)
+    ki = np.geomspace(low, max(low * 1.001, *(gains.ki for gains in best)), KI_LEVELS)
     return [(float(p), float(i)) for p in kp for i in ki]
 
 
@@ -274,10 +276,9 @@ def _finer(
     system: DelaySystem, found: GainMap, ends: tuple[int, int, int, int], *, same: bool, reference: GainMap
 ) -> tuple[GainMap, GainMap]:
     """The maps with more lines about a box's edges."""
-    axes = [
-        _more_lines(axis, pair)
-        for axis, pair in ((found.grid.first_values, ends[:2]), (found.grid.second_values, ends[2:]))
-    ]
+    axes = [_more_lines(axis, pair) for axis, pair in ((found.grid.first_values, ends[:2]), (found.grid.second_values, ends[2:]))]
+    if (axes[0].size, axes[1].size) == found.grid.shape:
+        return found, reference
     grid = GainGrid(first=found.grid.first, first_values=axes[0], second=found.grid.second, second_values=axes[1])
     own = find_gain_map(system, grid, Design(kd=found.kd, peak=found.peak))
     return own, own if same else find_gain_map(system, grid, Design(kd=reference.kd, peak=reference.peak))

@@ -108,17 +108,17 @@ def stable_columns(region: GainRegion, kp: Floats) -> GainColumns:
     kept = (height > 0.0) & (height < top)
     points, height, change = points[kept], height[kept], change[kept]
     order = np.lexsort((height, points))
-    column, low, high = [], [], []
+    rows: list[tuple[int, float, float]] = []
     level = np.zeros(kp.size)
     for k, h, d in zip(points[order], height[order], change[order], strict=True):
         if count[k] == 0:
-            column.append(k), low.append(level[k]), high.append(h)
+            rows.append((int(k), float(level[k]), float(h)))
         count[k] += d
         level[k] = h
-    for k in np.flatnonzero(count == 0):
-        column.append(k), low.append(level[k]), high.append(top)
-    found = np.array(column, dtype=np.int64)
-    return _sorted(kp, found, np.array(low, dtype=float), np.array(high, dtype=float), _off_the_seam(region, kp[found]))
+    rows += [(int(k), float(level[k]), top) for k in np.flatnonzero(count == 0)]
+    table = np.array(rows, dtype=float).reshape(-1, 3)
+    found = table[:, 0].astype(np.int64)
+    return _sorted(kp, found, table[:, 1], table[:, 2], _off_the_seam(region, kp[found]))
 
 
 class Ellipses(NamedTuple):

@@ -325,9 +325,10 @@ def solve_point(system: DelaySystem, grid: GainGrid, design: Design, place: tupl
 
 def _trim(system: DelaySystem, grid: GainGrid, wires: LoopSignals, place: tuple[float, float], near: Trim | None) -> Trim:
     first, second = place
-    inputs, outputs, free = {grid.second: second}, {grid.first: first}, (wires.drive,)
-    if any(variable.name == grid.first for variable in system.inputs):
-        inputs, outputs, free = {grid.first: first, grid.second: second}, {}, ()
+    given = any(variable.name == grid.first for variable in system.inputs)
+    inputs = {grid.first: first, grid.second: second} if given else {grid.second: second}
+    outputs = {} if given else {grid.first: first}
+    free = () if given else (wires.drive,)
     if near is not None:
         states = {variable.name: float(value) for variable, value in zip(near.state_variables, near.states, strict=True)}
         try:
@@ -349,10 +350,9 @@ def _with_gains(system: DelaySystem, design: Design, place: tuple[float, float],
     if region.empty:
         reason = f"no kp and ki stabilise this point with kd = {design.kd:g}; change kd, or leave the point out"
     elif best is None:
-        reason = f"no kp and ki keep the peak of the sensitivity at or below {design.peak:g} here with kd = {design.kd:g}; allow more, or change kd"
-    return GainPoint(
-        place=place, trim=trim, region=region, stable=stable, ellipses=ellipses, allowed=allowed, best=best, reason=reason
-    )
+        words = f"no kp and ki keep the peak of the sensitivity at or below {design.peak:g} here"
+        reason = f"{words} with kd = {design.kd:g}; allow more, or change kd"
+    return GainPoint(place=place, trim=trim, region=region, stable=stable, ellipses=ellipses, allowed=allowed, best=best, reason=reason)
 
 
 def best_gains(region: GainRegion, ellipses: Ellipses, allowed: GainColumns, peak: float) -> BestGains:

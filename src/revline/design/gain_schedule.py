@@ -125,13 +125,15 @@ class GainSchedule:
         shape = (self.first.size, self.second.size)
         for name, table in (("kp", self.kp), ("ki", self.ki), ("kd", self.kd)):
             if table.shape != shape or not np.all(np.isfinite(table)):
-                message = f"table {name} of the schedule has shape {table.shape} or holds what is not finite; {shape} finite gains are wanted"
+                message = (
+                    f"table {name} of the schedule has shape {table.shape} or holds what is not finite; {shape} finite gains are wanted"
+                )
                 raise InvalidInputError(message, table=name)
         scaled = any(self.scaling)
         if any(power not in range(MOST_POWER + 1) for power in self.scaling) or (scaled and self.first[0] <= 0.0):
             message = (
-                f"scaling by powers {tuple(self.scaling)} of {self.names[0]} from {self.first[0]:g} {self.units[0]} on; powers are 0, 1 or 2, "
-                "and the signal must be positive where one is not 0"
+                f"scaling by powers {tuple(self.scaling)} of {self.names[0]}, from {self.first[0]:g} {self.units[0]} on; powers are 0, "
+                "1 or 2, and the signal must be positive where one is not 0"
             )
             raise InvalidInputError(message)
         make_read_only(self)

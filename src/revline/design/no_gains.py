@@ -181,8 +181,10 @@ def prove_no_gains(points: Sequence[Point], box: GainBox, peak: float, *, most: 
 def _axis(family: LoopFamily, box: GainBox) -> _Axis:
     """Follow q until no gains of the box can put a root on the axis any more."""
     largest = max(abs(box.kp_low), abs(box.kp_high))
-    if abs(complex(family.inverse(np.array([1j * FAR]))[0])) <= box.kd_high * FAR:
-        message = f"{family.name} answers as fast as kd = {box.kd_high:g} rises, so that no frequency bounds the gains; lower the largest kd"
+    if abs(complex(family.inverse(np.array([1j * FAR], dtype=np.complex128))[0])) <= box.kd_high * FAR:
+        message = (
+            f"{family.name} answers as fast as kd = {box.kd_high:g} rises, so that no frequency bounds the gains; lower the largest kd"
+        )
         raise InvalidInputError(message, kd=box.kd_high)
     reach = largest
     while True:

@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,32 +127,44 @@ def design_schedule(
             points.append(outcome)
     usable = [point for point in points if isinstance(point, GainPoint)] + [point for row in nodes for point in row]
     lost = tuple(point for point in points if isinstance(point, LostPoint))
-    node_peak = found.peak
-    for _ in range(ATTEMPTS):
-        schedule = _table(found, nodes, node_peak, Scaling() if scaling is None else scaling)
+    node_peak, scale = found.peak, Scaling() if scaling is None else scaling
+    worst = TriedPlace(place=usable[0].place, peak=math.inf, fastest=0.0)
+    for attempt in range(ATTEMPTS):
+        schedule = _table(found, nodes, node_peak, scale)
         tried, error = _search(system, found, schedule, usable)
         worst = max(tried, key=lambda entry: entry.peak)
         if worst.peak <= found.peak:
             tell(1.0)
-            slow = min(tried, key=lambda entry: entry.fastest)
-            return ScheduleResult(
-                schedule=schedule,
-                peak=found.peak,
-                node_peak=node_peak,
-                tried=tuple(tried),
-                lost=lost,
-                worst=worst.peak,
-                worst_at=worst.place,
-                search_error=error,
-                slowest=slow.fastest,
-                slowest_at=slow.place,
-            )
+            return _result(found, schedule, node_peak, tried, lost, error)
+        tell(0.9 + 0.1 * (attempt + 1) / ATTEMPTS)
         node_peak = max(1.0 + 0.5 * (node_peak - 1.0), node_peak - LOWERED * (worst.peak - found.peak))
+    raise _not_kept(found, worst, node_peak)
+
+
+def _result(
+    found: GainMap, schedule: GainSchedule, node_peak: float, tried: Sequence[TriedPlace], lost: tuple[LostPoint, ...], error: float
+) -> ScheduleResult:
+    worst, slow = max(tried, key=lambda entry: entry.peak), min(tried, key=lambda entry: entry.fastest)
+    return ScheduleResult(
+        schedule=schedule,
+        peak=found.peak,
+        node_peak=node_peak,
+        tried=tuple(tried),
+        lost=lost,
+        worst=worst.peak,
+        worst_at=worst.place,
+        search_error=error,
+        slowest=slow.fastest,
+        slowest_at=slow.place,
+    )
+
+
+def _not_kept(found: GainMap, worst: TriedPlace, node_peak: float) -> NotConvergedError:
     message = (
         f"between the nodes of the schedule the sensitivity peaks at {worst.peak:.4g}, at {found.words(worst.place)}, above the bound of "
-        f"{found.peak:g}, with {node_peak:.4g} at the nodes; take more nodes, or a higher bound"
+        f"{found.peak:g}, and lowering the peak at the nodes to {node_peak:.4g} does not mend it; take more nodes, or a higher bound"
     )
-    raise NotConvergedError(message, worst=worst.peak)
+    return NotConvergedError(message, worst=worst.peak)
 
 
 def _nodes(found: GainMap) -> list[list[GainPoint]]:
@@ -176,7 +189,7 @@ def _between(found: GainMap) -> list[Place]:
 
 
 def _divided(axis: Floats) -> list[float]:
-    parts = [low + (high - low) * k / PARTS for low, high in zip(axis[:-1], axis[1:], strict=True) for k in range(PARTS)]
+    parts = [low + (high - low) * k / PARTS for low, high in pairwise(axis.tolist()) for k in range(PARTS)]
     return [float(value) for value in (*parts, axis[-1])]
 
 
@@ -207,9 +220,6 @@ def _at_peak(point: GainPoint, bound: float, peak: float) -> tuple[float, float]
     if point.best is not None and peak == bound:
         return point.best.kp, point.best.ki
     allowed = peak_columns(point.region, point.allowed.kp, peak, point.ellipses)
-    if allowed.empty:
-        message = f"no gains keep the peak {peak:.4g} at the node {point.place}; take more nodes, so that it need not be lowered so far"
-        raise NotConvergedError(message)
     best = best_gains(point.region, point.ellipses, allowed, peak)
     return best.kp, best.ki
 
@@ -237,9 +247,7 @@ def try_place(point: GainPoint, gains: Callable[[float, float], tuple[float, flo
     return TriedPlace(place=point.place, peak=float(find_peaks(region, kp, ki)), fastest=fastest)
 
 
-def _search(
-    system: DelaySystem, found: GainMap, schedule: GainSchedule, points: Sequence[GainPoint]
-) -> tuple[list[TriedPlace], float]:
+def _search(system: DelaySystem, found: GainMap, schedule: GainSchedule, points: Sequence[GainPoint]) -> tuple[list[TriedPlace], float]:
     """Try all points, then neighbours of the worst with ever smaller steps; the last rise tells how well it is located."""
     tried = {point.place: try_place(point, schedule.gains_at) for point in points}
     worst = max(tried.values(), key=lambda entry: entry.peak)

@@ -53,7 +53,7 @@ def plot_gain_map(found: GainMap) -> Figure:
         raise InvalidInputError(message)
     wide = min(found.grid.shape) > 1 and not found.lost
     figure = new_figure(width=WIDE * (1.4 if wide else 1.0), height=HEIGHT * 1.15)
-    panels = np.atleast_1d(figure.subplots(1, 2 if wide else 1))
+    panels = figure.subplots(1, 2 if wide else 1, squeeze=False)[0]
     if wide:
         _draw_limits(panels[0], found)
     _draw_overlay(panels[-1], found)
