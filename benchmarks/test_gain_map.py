@@ -13,7 +13,7 @@ BUDGET = 5.0
 def test_a_map_of_20_by_10_points(benchmark: BenchmarkFixture) -> None:
     throttle, load = np.linspace(15.0, 45.0, 20), np.linspace(0.0, 40.0, 10)
     grid = GainGrid(first="throttle", first_values=throttle, second="load_torque", second_values=load)
-    found = benchmark.pedantic(find_gain_map, args=(lee1995(), grid), rounds=3, warmup_rounds=1)
+    found = benchmark(find_gain_map, lee1995(), grid)
     assert len(found.found) == 200
     assert all(point.best for point in found.found)
     assert float(benchmark.stats.stats.min) < BUDGET

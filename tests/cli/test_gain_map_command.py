@@ -26,7 +26,7 @@ def test_the_map_as_json_and_for_people(revline: Command, tmp_path: Path) -> Non
 
 def test_fixed_gains_and_a_schedule(revline: Command, tmp_path: Path) -> None:
     figure = tmp_path / "schedule.png"
-    asked = ("--fixed", "--floor-share", 0.2, "--prove", 0.2, "--box-kd", 0.01, "--schedule", "--plot", figure)
+    asked = ("--fixed", "--floor-share", 0.2, "--prove", 0.2, "--schedule", "--plot", figure)
     done = revline("gain-map", "--throttle", "30,40", "--load", "0,20", *asked, "--json")
     record = json.loads(done.out)
     fixed = record["fixed"]

@@ -2,7 +2,7 @@
 
 A bound of the sensitivity alone is met by no control at all wherever the system is stable by itself. So a floor is part of the question:
 ki, whose inverse is the integrated error after a step of load, must not fall below a share of the best ki that the bound allows at each
-point, or below a value. Source of the measure: Astrom and Hagglund (2006), Advanced PID Control, section 4.3.
+point, or below a value. Source of the measure: Astrom and Hagglund (2006), Advanced PID Control, chapter 4.
 """
 
 import math
@@ -179,7 +179,7 @@ def find_largest_box(system: DelaySystem, found: GainMap, floor: Floor, *, refer
     box = _box(found, ends)
     kp, ki = _gentlest(found, ends, [gains[k] for k in good])
     own = Solver(system, found, Design(kd=found.kd, peak=found.peak))
-    ask = Solver(system, reference, Design(kd=reference.kd, peak=reference.peak))
+    ask = own if reference is found else Solver(system, reference, Design(kd=reference.kd, peak=reference.peak))
 
     def holds(places: Sequence[tuple[float, float]]) -> bool:
         return all(peak <= found.peak and slack >= 1.0 for peak, slack in (try_gains(own, ask, floor, place, (kp, ki)) for place in places))

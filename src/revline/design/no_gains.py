@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from revline.design.gain_curve import GainCurve, LoopFamily, trace_curve
+from revline.design.gain_curve import AXIS, GainCurve, LoopFamily, trace_curve
 from revline.design.gain_region import LOW, count_roots
 from revline.errors import InvalidInputError, out_of_range
 
@@ -181,7 +181,7 @@ def prove_no_gains(points: Sequence[Point], box: GainBox, peak: float, *, most: 
 def _axis(family: LoopFamily, box: GainBox) -> _Axis:
     """Follow q until no gains of the box can put a root on the axis any more."""
     largest = max(abs(box.kp_low), abs(box.kp_high))
-    if abs(complex(family.inverse(np.array([1j * FAR], dtype=np.complex128))[0])) <= box.kd_high * FAR:
+    if abs(complex(family.inverse(AXIS.points(np.array([FAR])))[0])) <= box.kd_high * FAR:
         message = (
             f"{family.name} answers as fast as kd = {box.kd_high:g} rises, so that no frequency bounds the gains; lower the largest kd"
         )
@@ -191,9 +191,9 @@ def _axis(family: LoopFamily, box: GainBox) -> _Axis:
         curve = trace_curve(family, kp_reach=reach, ki_reach=box.ki_high, low=LOW)
         beyond = np.geomspace(curve.omega[-1], FAR * curve.omega[-1], 400)
         with np.errstate(over="ignore"):
-            room = np.abs(family.inverse(1j * beyond)) - beyond * box.kd_high - largest - box.ki_high / beyond
+            room = np.abs(family.inverse(AXIS.points(beyond))) - beyond * box.kd_high - largest - box.ki_high / beyond
         if np.all(room > 0.0):
-            return _Axis(curve.omega, family.inverse(1j * curve.omega), family)
+            return _Axis(curve.omega, family.inverse(AXIS.points(curve.omega)), family)
         reach *= 2.0
 
 

@@ -5,7 +5,8 @@ points there, in finer steps about the worst; where it exceeds the bound, the pe
 
 While the operating point moves: the integral sums ki e, so that at rest, where e and dy/dt are none, the derivatives of the gains multiply
 nothing: the scheduled loop's linear model is that of the loop with frozen gains, at every point (Rugh and Shamma 2000, Automatica 36(10),
-1401-1425, section 3). How fast the point may move is told by `slowness`; that it does is shown by simulation.
+1401-1425). How fast the point may move is told by the rate `slowest`, a measure and no proof; a moving run is for
+simulation, with `revline.design.scheduled_pid`.
 """
 
 import math
