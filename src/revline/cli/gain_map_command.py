@@ -57,7 +57,7 @@ def gain_map(
     prove: ProveOption = None,
     schedule: ScheduleOption = False,
     plot: PlotOption = None,
-    workers: WorkersOption = 2,
+    workers: WorkersOption = 1,
     engine: EngineOption = DEFAULT_ENGINE,
     out: OutOption = None,
     json: JsonOption = False,

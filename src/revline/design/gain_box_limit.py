@@ -201,9 +201,10 @@ class _Prover:
             return None
         best = [point.best.ki for point in points if isinstance(point, GainPoint) and point.best]
         floor = self._found.floor.at(max(best, default=0.0))
-        if floor <= 0.0:
+        reach = self._reach_at(places[0])
+        if floor <= 0.0 or reach is None:
             return None
-        kp_low, kp_high, ki_high = self._reach_at(places[0])
+        kp_low, kp_high, ki_high = reach
         gains = GainBox(
             kp_low=kp_low, kp_high=kp_high, ki_low=floor, ki_high=max(ki_high, ROOM * floor), kd_low=self._kd[0], kd_high=self._kd[1]
         )
@@ -227,12 +228,14 @@ class _Prover:
             self._families[place] = Point(name, family)
         return self._families[place]
 
-    def _reach_at(self, place: tuple[float, float]) -> tuple[float, float, float]:
-        """Gains that hold all that stabilise a point, with room: lowest and highest kp, highest ki."""
+    def _reach_at(self, place: tuple[float, float]) -> tuple[float, float, float] | None:
+        """Gains that hold all that stabilise a point, with room: lowest and highest kp, highest ki; nothing where these have no end."""
         if place not in self._reach:
             point = self._point(place)
             regions = [find_gain_region(point.family(float(kd))) for kd in np.unique(np.linspace(*self._kd, SLICES))]
-            held = [region for region in regions if region.bounded and region.rim.any()]
+            held = [region for region in regions if region.rim.any()]
+            if not held or not all(region.bounded for region in regions):
+                return None
             low = min(float(np.min(region.kp[region.rim])) for region in held)
             high = max(float(np.max(region.kp[region.rim])) for region in held)
             room = (ROOM - 1.0) * (high - low)

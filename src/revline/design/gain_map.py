@@ -5,7 +5,7 @@ Each point is trimmed and linearised with its delays exact. A point without a tr
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -26,7 +26,7 @@ from revline.values import make_read_only
 
 Floats = NDArray[np.float64]
 
-COLUMNS = 101
+COLUMNS = 81
 """Columns of kp at which the gains of one point are looked at."""
 
 COMMON_COLUMNS = 129
@@ -35,7 +35,7 @@ COMMON_COLUMNS = 129
 ZOOMS, ZOOM_COLUMNS = 2, 9
 """How often the neighbourhood of the column with the largest ki is divided, and into how many columns."""
 
-FEW_STARTS = 2
+FEW_STARTS = 1
 """Starts of a trim beside a neighbour's, whose branch is followed; where these find none, as many are tried as elsewhere."""
 
 
@@ -219,7 +219,7 @@ class Design(NamedTuple):
 
 
 def find_gain_map(
-    system: DelaySystem, grid: GainGrid, design: Design | None = None, *, workers: int = 2, progress: Progress | None = None
+    system: DelaySystem, grid: GainGrid, design: Design | None = None, *, workers: int = 1, progress: Progress | None = None
 ) -> GainMap:
     """Find the gains at each point of a grid, and what all points have in common.
 
@@ -229,7 +229,7 @@ def find_gain_map(
         system: nonlinear, with its delays.
         grid: of operating points.
         design: derivative gain, bound of the sensitivity and signals.
-        workers: threads.
+        workers: threads; more than one gain nothing where the system's equations are short, as the interpreter then is what takes the time.
         progress: told which part is done.
 
     Returns:
@@ -383,4 +383,12 @@ def _common(points: Sequence[GainPoint], columns: ColumnsOf) -> GainColumns | No
         nothing = np.empty(0)
         return GainColumns(kp=np.array([low]), column=np.empty(0, dtype=np.int64), low=nothing, high=nothing)
     kp = np.linspace(low, high, COMMON_COLUMNS)
-    return intersect_columns([columns(point, kp) for point in points])
+    weakest_first = sorted(points, key=lambda point: point.stable.area)
+    common = columns(weakest_first[0], kp)
+    for point in weakest_first[1:]:
+        alive = np.unique(common.column)
+        if not alive.size:
+            break
+        beside = columns(point, kp[alive])  # columns without any need not be looked at again
+        common = intersect_columns([common, replace(beside, kp=kp, column=alive[beside.column])])
+    return common

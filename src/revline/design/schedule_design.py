@@ -95,7 +95,7 @@ class ScheduleResult:
 
 
 def design_schedule(
-    system: DelaySystem, found: GainMap, *, scaling: Scaling | None = None, workers: int = 2, progress: Progress | None = None
+    system: DelaySystem, found: GainMap, *, scaling: Scaling | None = None, workers: int = 1, progress: Progress | None = None
 ) -> ScheduleResult:
     """Design a schedule on a map, so that the map's bound is kept between its nodes too.
 
