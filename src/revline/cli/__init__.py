@@ -19,6 +19,7 @@ from revline.cli import (
     compare_command,
     engine_commands,
     export_command,
+    gain_map_command,
     limit_cycle_command,
     linear_range_command,
     loop_command,
@@ -119,6 +120,12 @@ COMMANDS = (
         region_command.region,
         "Gains that stabilise a loop, its delay exact.",
         "revline region --throttle 25 --kd 0.1 --out region.json",
+    ),
+    Entry(
+        "gain-map",
+        gain_map_command.gain_map,
+        "Gains over a map of operating points, and what holds at all.",
+        "revline gain-map --throttle 15,25,35,45 --load 0,20,40 --out map.json --plot map.png",
     ),
     Entry(
         "loop",

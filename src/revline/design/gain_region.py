@@ -210,14 +210,19 @@ def count_roots(family: LoopFamily, curve: GainCurve, p: Floats, i: Floats) -> C
         count += change * _passed(family.base, p, float(place))
     count += turn_at_rest(family) * _passed(family.base, p, -family.at_rest)
     count += ((i > 0.0) & (family.at_rest + p < 0.0)).astype(int)  # the integrator's own root, s = -ki/(q(0) + kp) at first
-    points, height, change = _crossings(curve, p)
+    points, height, change = column_crossings(curve, p)
     below = (height > 0.0) & (height < i[points])
     np.add.at(count, points[below], change[below])
     return count
 
 
-def _crossings(curve: GainCurve, p: Floats) -> tuple[NDArray[np.intp], Floats, Counts]:
-    """Where the curve crosses lines of constant kp: which of them, the ki there, and the change of the count as ki rises through it."""
+def column_crossings(curve: GainCurve, p: Floats) -> tuple[NDArray[np.intp], Floats, Counts]:
+    """Find where a curve crosses lines of constant kp: which of them, the ki there, and the change of the count as ki rises through it.
+
+    Args:
+        curve: of a family.
+        p: values of kp, shape (n,).
+    """
     _, kp, ki = curve
     order = np.argsort(p, kind="stable")
     low, high = np.minimum(kp[:-1], kp[1:]), np.maximum(kp[:-1], kp[1:])
@@ -244,7 +249,7 @@ def _heights(region: GainRegion, at: Floats) -> Floats:
     """Length of the lines of constant kp within a region and its window."""
     top = region.window.ki_high
     count = count_roots(region.family, region.curve, at, np.full(at.size, np.finfo(float).tiny))
-    points, height, change = _crossings(region.curve, at)
+    points, height, change = column_crossings(region.curve, at)
     kept = (height > 0.0) & (height < top)
     points, height, change = points[kept], height[kept], change[kept]
     order = np.lexsort((height, points))

@@ -11,7 +11,7 @@ from revline.design.gain_curve import AXIS, Contour, Inverse, LoopFamily
 from revline.design.open_loop import OpenLoop, open_loop_of_model, open_loop_of_system
 from revline.errors import InvalidInputError
 from revline.lti.interconnection import feed_back, select, to_state_space
-from revline.lti.roots import characteristic_roots
+from revline.lti.roots import RightmostRoots, characteristic_roots
 from revline.lti.state_space import DelayStateSpace, position
 from revline.lti.transfer_function import TransferFunction
 
@@ -88,7 +88,13 @@ def family_of_model(plant: TransferFunction, *, kd: float = 0.0, name: str = "mo
 
 
 def family_of_system(
-    plant: DelayStateSpace, *, kd: float = 0.0, wires: LoopSignals = SPEED_BY_THROTTLE, name: str = "system", contour: Contour = AXIS
+    plant: DelayStateSpace,
+    *,
+    kd: float = 0.0,
+    wires: LoopSignals = SPEED_BY_THROTTLE,
+    name: str = "system",
+    contour: Contour = AXIS,
+    roots: RightmostRoots | None = None,
 ) -> LoopFamily:
     """Take an exact linear model; the derivative acts on its own rate output.
 
@@ -98,6 +104,7 @@ def family_of_system(
         wires: which signals close the loop.
         name: of the plant.
         contour: the line that roots are counted right of.
+        roots: of the plant, from its trim for example, lest they be found again.
 
     Raises:
         InvalidInputError: the plant has no such signals, does not answer at rest, or infinitely many roots lie right of the contour.
@@ -109,7 +116,7 @@ def family_of_system(
     if gain == 0.0:
         raise _no_answer_at_rest(name)
     units = plant.inputs[column].unit, plant.outputs[row].unit
-    own = characteristic_roots(plant)
+    own = roots or characteristic_roots(plant)
     if contour.damping == 0.0 and kd == 0.0:
         outside = own.unstable_count
     elif contour.damping == 0.0:

@@ -1,0 +1,154 @@
+"""Gains over a map of operating points: the proportional limit, and the gains of several points over one another."""
+
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from revline.design.gain_columns import GainColumns
+from revline.design.gain_map import GainMap, GainPoint
+from revline.design.schedule_design import ScheduleResult
+from revline.errors import InvalidInputError
+from revline.report.parts import draw_curve
+from revline.report.style import (
+    BLACK,
+    GREY,
+    HEIGHT,
+    MODELS,
+    PALE,
+    VERMILION,
+    WIDE,
+    Look,
+    Quantity,
+    add_legend,
+    drawn,
+    finish_layout,
+    label_axes,
+    new_figure,
+)
+
+Floats = NDArray[np.float64]
+
+SHADES: Final = ("#FFFFFF", "#E3F0F9", "#C2DFF1", "#94C6E6", "#5CA6D3", "#2E7FB3", "#0B5A8C")
+"""From the smallest gains to the largest."""
+
+FLAT: Final = 0.1
+"""Magnitude of kp below which the axis of the overlay is linear, as it shows both signs."""
+
+
+@drawn
+def plot_gain_map(found: GainMap) -> Figure:
+    """Draw the largest kp over the map where it is one, and the gains of its corners over one another, with what all points allow.
+
+    Args:
+        found: at least one point with gains.
+
+    Raises:
+        InvalidInputError: no point has gains.
+    """
+    if not any(point.best for point in found.found):
+        message = "no point of the map has gains that could be drawn; allow a higher peak of the sensitivity, or another kd"
+        raise InvalidInputError(message)
+    wide = min(found.grid.shape) > 1 and not found.lost
+    figure = new_figure(width=WIDE * (1.4 if wide else 1.0), height=HEIGHT * 1.15)
+    panels = figure.subplots(1, 2 if wide else 1, squeeze=False)[0]
+    if wide:
+        _draw_limits(panels[0], found)
+    _draw_overlay(panels[-1], found)
+    add_legend(figure, columns=3)
+    finish_layout(figure)
+    return figure
+
+
+@drawn
+def plot_schedule(result: ScheduleResult) -> Figure:
+    """Draw a schedule's kp and ki over its two signals, and the peak of the sensitivity wherever it was tried.
+
+    Args:
+        result: the schedule with its evidence.
+    """
+    schedule = result.schedule
+    figure = new_figure(width=WIDE * 1.5, height=HEIGHT)
+    panels = figure.subplots(1, 3)
+    x, y = (Quantity(_plain(name), unit) for name, unit in zip(schedule.names, schedule.units, strict=True))
+    for axes, name, table, unit in (
+        (panels[0], "kp", schedule.kp, schedule.gain_unit),
+        (panels[1], "ki", schedule.ki, f"{schedule.gain_unit}/s"),
+    ):
+        draw_heat(axes, schedule.first, schedule.second, table)
+        axes.set_title(f"{name} ({unit})", fontsize=9.0)
+        label_axes(axes, x, y)
+    places = np.array([entry.place for entry in result.tried])
+    shown = panels[2].scatter(places[:, 0], places[:, 1], c=[entry.peak for entry in result.tried], s=12.0, cmap="Blues", edgecolors="none")
+    figure.colorbar(shown, ax=panels[2])
+    panels[2].plot([result.worst_at[0]], [result.worst_at[1]], "x", color=VERMILION, label=f"highest, {result.worst:.4g}")
+    panels[2].set_title("Ms between the nodes", fontsize=9.0)
+    label_axes(panels[2], x, y)
+    add_legend(figure)
+    finish_layout(figure)
+    return figure
+
+
+def _draw_limits(axes: Axes, found: GainMap) -> None:
+    grid, unit = found.grid, found.gain_unit
+    draw_heat(axes, grid.first_values, grid.second_values, found.limits)
+    label_axes(axes, Quantity(_plain(grid.first), found.units[0]), Quantity(_plain(grid.second), found.units[1]))
+    axes.set_title(f"largest kp ({unit}), kd = {found.kd:g}", fontsize=9.0)
+
+
+def draw_heat(axes: Axes, x: Floats, y: Floats, values: Floats) -> None:
+    """Draw values over two axes as shades with lines of equal value, evenly spaced in their logarithm where all are positive.
+
+    Args:
+        axes: to draw in.
+        x: rising, shape (n,).
+        y: rising, shape (m,).
+        values: shape (n, m); those that are not finite are hatched.
+    """
+    shown = np.ma.masked_invalid(values.T)
+    low, high = float(shown.min()), float(shown.max())
+    apart = low > 0.0 and high > 3.0 * low
+    levels = np.geomspace(low, high, len(SHADES) + 1) if apart else np.linspace(low, max(high, low + 1e-12), len(SHADES) + 1)
+    axes.set_facecolor(PALE)
+    axes.contourf(x, y, shown, levels=levels, colors=SHADES, zorder=0.5, extend="neither")
+    lines = axes.contour(x, y, shown, levels=levels[1:-1], colors=BLACK, linewidths=0.8, zorder=2.5)
+    axes.clabel(lines, fmt="%.3g", fontsize=8.0)
+
+
+def _draw_overlay(axes: Axes, found: GainMap) -> None:
+    first, last = found.found[0], found.found[-1]
+    chosen: list[GainPoint] = []
+    ends = ((k, j) for k in (0, found.grid.shape[0] - 1) for j in (0, found.grid.shape[1] - 1))
+    for k, j in ends:
+        point = found.points[k + j * found.grid.shape[0]]
+        if isinstance(point, GainPoint) and point not in chosen:
+            chosen.append(point)
+    bottom = 0.02 * min(point.best.ki for point in found.found if point.best)
+    for point, look in zip(chosen or [first, last], MODELS, strict=False):
+        label = ", ".join(f"{value:g} {unit}" for value, unit in zip(point.place, found.units, strict=True))
+        _outline(axes, point.stable, look._replace(dash=":", width=1.0), "", bottom)
+        _outline(axes, point.allowed, look, label, bottom)
+    if found.allowed is not None and not found.allowed.empty:
+        common = found.allowed
+        axes.fill_between(common.kp[common.column], np.maximum(common.low, bottom), np.maximum(common.high, bottom), color=GREY, alpha=0.5)
+        axes.fill([], [], color=GREY, alpha=0.5, linewidth=0.0, label="at every point")
+    axes.set_xscale("symlog", linthresh=FLAT)
+    axes.set_yscale("log")
+    axes.set_ylim(bottom=bottom)
+    label_axes(axes, Quantity("kp", found.gain_unit), Quantity("ki", f"{found.gain_unit}/s"))
+    axes.set_title(f"Ms at most {found.peak:g} (lines), stable (dots)", fontsize=9.0)
+
+
+def _outline(axes: Axes, gains: GainColumns, look: Look, label: str, bottom: float) -> None:
+    """Draw the upper edge of a set of gains."""
+    if gains.empty:
+        return
+    kp = gains.kp[gains.column]
+    ends = np.concatenate((kp[:1], kp, kp[-1:]))
+    draw_curve(axes, ends, np.concatenate(([bottom], np.maximum(gains.high, bottom), [bottom])), look, label)
+
+
+def _plain(name: str) -> str:
+    return name.replace("_", " ")
