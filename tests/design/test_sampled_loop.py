@@ -16,6 +16,7 @@ from revline.design.controller import PidGains
 from revline.design.linear_plant import linear_plant
 from revline.design.pid_controller import AntiWindup, Continuous, PidController
 from revline.design.sampled_loop import Disturbance, SampledRun, SampledTask, run_sampled_loop, with_command
+from revline.design.scheduled_pid import law_of
 from revline.engine.lee1995 import lee1995
 from revline.errors import InvalidInputError, StoppedError
 from revline.lti.transfer_function import TransferFunction
@@ -64,7 +65,7 @@ class ExactLag:
 def replay(run: SampledRun, times_of: Any) -> ExactLag:
     """Run the controller's equations in Python against the exact lag."""
     code, lag = run.code, ExactLag()
-    p, count, sampling = code.parameters, len(code.states), run.controller.sampling
+    p, count, sampling = code.parameters, len(code.states), law_of(run.controller).sampling
     assert not isinstance(sampling, Continuous)
     xd = code.start(p, (REST,), (REST,), (BASE,))
     for k, elapsed in enumerate(run.sampled.elapsed):

@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from revline import __version__
-from revline.cli.controllers import TimingChoice, own_limits, read_sampled_controller
+from revline.cli.controllers import TimingChoice, own_limits, read_any_controller
 from revline.cli.loop_command import throttle_limits
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, OutOption, QuietOption
 from revline.cli.shell import Facts, Grid, Shell
 
 if TYPE_CHECKING:
     from revline.design.acceptance import Acceptance, Battery
-    from revline.design.pid_controller import PidController
+    from revline.design.scheduled_pid import AnyController
     from revline.system import DelaySystem
 
 
-ControllerArgument = Annotated[Path, typer.Argument(metavar="CONTROLLER.json", help="Controller file.")]
+ControllerArgument = Annotated[Path, typer.Argument(metavar="CONTROLLER.json", help="Controller file, or a gain map with a schedule.")]
 ThrottleListOption = Annotated[str, typer.Option("--throttle", metavar="A1,A2,..", help="Throttle angles of the trims [deg].")]
 LoadListOption = Annotated[str, typer.Option("--load", metavar="T1,T2,..", help="Load torques of the trims [N m]; each with each angle.")]
 PeriodOption = Annotated[
@@ -30,6 +30,9 @@ CrankAngleOption = Annotated[
 ]
 ComputationDelayOption = Annotated[
     float, typer.Option("--computation-delay", metavar="S", help="Time from a sample to its output [s], with the two above.")
+]
+SetpointWeightOption = Annotated[
+    float | None, typer.Option("--setpoint-weight", metavar="B", help="Weight of the command in the proportional term; else the file's.")
 ]
 LowOption = Annotated[
     float | None, typer.Option("--low", metavar="DEG", help="Lower limit of the throttle [deg]; else the file's, else 0.")
@@ -69,6 +72,7 @@ def accept(
     period: PeriodOption = None,
     crank_angle: CrankAngleOption = None,
     computation_delay: ComputationDelayOption = 0.0,
+    setpoint_weight: SetpointWeightOption = None,
     low: LowOption = None,
     high: HighOption = None,
     command: CommandOption = 10.0,
@@ -105,7 +109,7 @@ def accept(
     battery = _battery((command, load_step, until), (noise, jitter, seed), (max_overshoot, max_settling, max_droop, min_reserve))
     battery = _with_unstable(battery) if run_unstable else battery
     plant = load_engine(engine)
-    judged = _controller(controller, plant, (period, crank_angle, computation_delay), (low, high))
+    judged = _controller(controller, plant, (period, crank_angle, computation_delay), (low, high), setpoint_weight)
     plants = {plant.name: plant, **spread_engine(plant, spread)}
     with shell.progress("acceptance") as progress:
         found = accept(plants, judged, _places(throttle, load), battery, workers=workers, progress=progress)
@@ -150,18 +154,23 @@ def _controller(
     plant: "DelaySystem",
     timing: tuple[float | None, float | None, float],
     limits: tuple[float | None, float | None],
-) -> "PidController":
+    weight: float | None,
+) -> "AnyController":
     """The file's controller, sampled and within the throttle's limits."""
+    from revline.design.scheduled_pid import ScheduledController, law_of
     from revline.engine.lee1995 import lee1995_parameters
 
-    found = read_sampled_controller(path, TimingChoice(*timing))
-    own = own_limits(found)
-    wanted = tuple(option if option is not None else bound for option, bound in zip(limits, own, strict=True))
+    found = read_any_controller(path, TimingChoice(*timing))
+    law = law_of(found)
+    wanted = tuple(option if option is not None else bound for option, bound in zip(limits, own_limits(law), strict=True))
     bounds = throttle_limits((wanted[0], wanted[1]), lee1995_parameters(plant).throttle.saturation_angle)
-    return replace(found, low=bounds[0], high=bounds[1])
+    law = replace(law, low=bounds[0], high=bounds[1], setpoint_weight=law.setpoint_weight if weight is None else weight)
+    return replace(found, controller=law) if isinstance(found, ScheduledController) else law
 
 
 def _parts(found: "Acceptance") -> list[Facts | Grid | str]:
+    from revline.design.scheduled_pid import law_of
+
     rows = [
         ("verdict", "passed" if found.passed else "failed", ""),
         ("runs", float(len(found.runs)), ""),
@@ -183,7 +192,7 @@ def _parts(found: "Acceptance") -> list[Facts | Grid | str]:
     reasons = [f"- {reason}" for reason in found.reasons[:SHOWN]]
     if len(found.reasons) > SHOWN:
         reasons.append(f"- and {len(found.reasons) - SHOWN} more; --json lists all")
-    return [Facts(f"Acceptance of {found.controller.gains.rule}", rows), Grid("Worst of all runs", heads, table), *reasons]
+    return [Facts(f"Acceptance of {law_of(found.controller).gains.rule}", rows), Grid("Worst of all runs", heads, table), *reasons]
 
 
 SHOWN = 12

@@ -16,8 +16,8 @@ from revline.design.acceptance_runs import Measures, Probe, measure_run, refuse_
 from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals, OperatingPoint, operating_point
 from revline.design.discrete_loop import DiscreteMargins, find_discrete_margins, sampled_plant_of_system
 from revline.design.gain_reserve import GainReserve, ReserveSearch, find_gain_reserve
-from revline.design.pid_controller import PidController
 from revline.design.sampled_loop import Disturbance, SampledTask, run_sampled_loop
+from revline.design.scheduled_pid import AnyController, ScheduledController
 from revline.errors import InvalidInputError, SimulationError, out_of_range
 from revline.system import DelaySystem
 from revline.values import make_read_only
@@ -189,7 +189,7 @@ class Acceptance:
         reasons: all that was not kept, each with its case; nothing where the controller passes.
     """
 
-    controller: PidController
+    controller: AnyController
     battery: Battery
     runs: tuple[AcceptanceRun, ...]
     reserves: tuple[GainReserve, ...]
@@ -219,7 +219,7 @@ class Acceptance:
 
 def accept(
     plants: Mapping[str, DelaySystem],
-    controller: PidController,
+    controller: AnyController,
     places: Sequence[Mapping[str, float]],
     battery: Battery | None = None,
     *,
@@ -273,9 +273,14 @@ def accept(
     return Acceptance(controller=controller, battery=battery, runs=runs, reserves=reserves, linear=linear, reasons=tuple(reasons))
 
 
-def _linear_loop(plant: DelaySystem, trim: Trim, controller: PidController, place: Mapping[str, float], wires: LoopSignals) -> LinearLoop:
+def _linear_loop(plant: DelaySystem, trim: Trim, controller: AnyController, place: Mapping[str, float], wires: LoopSignals) -> LinearLoop:
+    speed = trim.output(wires.measurement)
+    if isinstance(controller, ScheduledController):  # at rest its linear model is that with the gains of the place
+        local = controller.frozen_at(speed, trim.input(controller.schedule.names[1]))
+    else:
+        local = controller
     sampled = sampled_plant_of_system(linearize(plant, trim).model, wires=wires, name=plant.name)
-    margins = find_discrete_margins(sampled, controller, speed=trim.output(wires.measurement))
+    margins = find_discrete_margins(sampled, local, speed=speed)
     return LinearLoop(place=place, margins=margins)
 
 
@@ -291,7 +296,7 @@ def _cases(place: Mapping[str, float], battery: Battery, plants: Sequence[str], 
 
 
 def _run(
-    plant: DelaySystem, point: OperatingPoint, controller: PidController, case: Case, battery: Battery, wires: LoopSignals
+    plant: DelaySystem, point: OperatingPoint, controller: AnyController, case: Case, battery: Battery, wires: LoopSignals
 ) -> AcceptanceRun:
     probe = Probe(command=case.command, load=case.load, until=battery.until)
     quiet = case.kind is Kind.CLEAN

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from revline import signals
 from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals, OperatingPoint
-from revline.design.pid_controller import PidController
 from revline.design.sampled_loop import SampledRun, SampledTask, run_sampled_loop
+from revline.design.scheduled_pid import AnyController, law_of, scaled_controller
 from revline.design.time_series import Series, upward_crossings
 from revline.errors import SimulationError, out_of_range
 from revline.system import DelaySystem
@@ -82,7 +82,7 @@ class GainReserve:
 def find_gain_reserve(
     plant: DelaySystem,
     point: OperatingPoint,
-    controller: PidController,
+    controller: AnyController,
     search: ReserveSearch,
     *,
     place: Mapping[str, float],
@@ -111,7 +111,7 @@ def find_gain_reserve(
     def tries(factor: float) -> Ending:
         nonlocal runs, period
         runs += 1
-        scaled = replace(controller, gains=controller.gains.scaled(kp=factor, ki=factor, kd=factor))
+        scaled = scaled_controller(controller, factor)
         ending, found = _ending(plant, point, scaled, search, wires)
         period = found if ending is Ending.HUNTS else period
         return ending
@@ -138,7 +138,7 @@ def _bracket(tries: Callable[[float], Ending]) -> tuple[float, float]:
 
 
 def _ending(
-    plant: DelaySystem, point: OperatingPoint, controller: PidController, search: ReserveSearch, wires: LoopSignals
+    plant: DelaySystem, point: OperatingPoint, controller: AnyController, search: ReserveSearch, wires: LoopSignals
 ) -> tuple[Ending, float]:
     """Tell how a run ends, and the period of its hunting."""
     until = search.until
@@ -147,7 +147,7 @@ def _ending(
         if run is None:
             return Ending.HUNTS, math.inf
         before, last = _swings(run)[-2:].tolist()
-        if last <= QUIET * abs(search.command) + 2.0 * controller.measurement_step or last < FADING * before:
+        if last <= QUIET * abs(search.command) + 2.0 * law_of(controller).measurement_step or last < FADING * before:
             return Ending.RESTS, math.inf
         if last >= before and math.isfinite(_period(run)):
             return Ending.HUNTS, _period(run)
@@ -161,7 +161,7 @@ def _ending(
 
 
 def _try(
-    plant: DelaySystem, point: OperatingPoint, controller: PidController, search: ReserveSearch, wires: LoopSignals
+    plant: DelaySystem, point: OperatingPoint, controller: AnyController, search: ReserveSearch, wires: LoopSignals
 ) -> SampledRun | None:
     """Run a loop; none where the plant stalls or diverges, which is no rest."""
     task = SampledTask(command=signals.step(search.command), until=search.until, step=search.step)

@@ -19,6 +19,7 @@ from revline.dde.simulate_sampled import SampledTrajectory, Sampler, Wiring, sim
 from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals, OperatingPoint
 from revline.design.pid_controller import Continuous, PidController
 from revline.design.pid_update import sampled_pid
+from revline.design.scheduled_pid import MEASUREMENT_BEFORE, AnyController, ScheduledController, law_of, scheduled_pid
 from revline.equations import equation
 from revline.errors import InvalidInputError, out_of_range
 from revline.sampled import CrankSynchronous, FixedRate, SampledController
@@ -152,7 +153,7 @@ class SampledRun:
     """
 
     plant: str
-    controller: PidController
+    controller: AnyController
     code: SampledController
     start: float
     times: Floats
@@ -175,14 +176,14 @@ class SampledRun:
     @property
     def saturated_share(self) -> float:
         """Part of the samples at which the output was held by one of its limits."""
-        control = self.of_controller("control")
-        return float(np.mean((control <= self.controller.low) | (control >= self.controller.high)))
+        control, law = self.of_controller("control"), law_of(self.controller)
+        return float(np.mean((control <= law.low) | (control >= law.high)))
 
 
 def run_sampled_loop(
     plant: DelaySystem,
     point: OperatingPoint,
-    controller: PidController,
+    controller: AnyController,
     task: SampledTask,
     *,
     wires: LoopSignals = SPEED_BY_THROTTLE,
@@ -193,7 +194,7 @@ def run_sampled_loop(
     Args:
         plant: nonlinear or linear, with its delays.
         point: of rest, for example a trim's.
-        controller: fixed-rate or crank-synchronous.
+        controller: fixed-rate or crank-synchronous; a scheduled one reads its second signal from the plant's input of that name.
         task: what is asked.
         wires: which signals close the loop.
         options: progress and interruption; storing is the task's.
@@ -203,11 +204,18 @@ def run_sampled_loop(
             the samples are shifted so far that their order could change.
         SimulationError: the run ends before its time, with time and place.
     """
-    _check_limits(plant, controller, wires)
+    law = law_of(controller)
+    _check_limits(plant, law, wires)
     rest = float(point.inputs[wires.drive])
-    code = sampled_pid(controller, output=rest, measurement=point.measurement)
+    if isinstance(controller, ScheduledController):
+        code = scheduled_pid(controller.schedule, law, output=rest, measurement=point.measurement)
+        read = [(COMMAND, point.measurement), (controller.schedule.names[1], float(point.inputs[controller.schedule.names[1]]))]
+    else:
+        code = sampled_pid(law, output=rest, measurement=point.measurement)
+        read = [(COMMAND, point.measurement)]
     whole = with_command(plant, wires.measurement)
-    sampler = _sampler(controller, code, point, rest, task, wires)
+    states = np.array(code.start(code.parameters, (point.measurement,), tuple(value for _, value in read), (rest,)), dtype=float)
+    sampler = _sampler(law, code, states, tuple(name for name, _ in read), task, wires)
     inputs = whole.input_vector({**point.inputs, COMMAND: point.measurement})
     start = Start(states=np.append(point.states, 0.0), inputs=inputs)
     signals = {COMMAND: task.command, **task.loads}
@@ -254,9 +262,9 @@ def _check_limits(plant: DelaySystem, controller: PidController, wires: LoopSign
 
 
 def _sampler(
-    controller: PidController, code: SampledController, point: OperatingPoint, rest: float, task: SampledTask, wires: LoopSignals
+    controller: PidController, code: SampledController, states: Floats, commands: tuple[str, ...], task: SampledTask, wires: LoopSignals
 ) -> Sampler:
-    sampling, measured = controller.sampling, point.measurement
+    sampling = controller.sampling
     if isinstance(sampling, Continuous):
         message = "a continuous controller is not sampled; give it a sampling, or run it with run_loop()"
         raise InvalidInputError(message)
@@ -272,10 +280,10 @@ def _sampler(
         limit = f"0 to below {room / (2.0 * SHIFT_LIMIT):.3g} {unit}"
         remedy = "shifts must leave the samples in their order, and the output in time"
         raise out_of_range("jitter", task.disturbance.jitter, unit, limit, remedy)
-    states = np.array(code.start(code.parameters, (measured,), (measured,), (rest,)), dtype=float)
+    measured = float(states[MEASUREMENT_BEFORE])
     return Sampler(
         controller=code,
-        wiring=Wiring(drives=(wires.drive,), measures=(wires.measurement,), commands=(COMMAND,), angle=ANGLE if crank else None),
+        wiring=Wiring(drives=(wires.drive,), measures=(wires.measurement,), commands=commands, angle=ANGLE if crank else None),
         sampling=sampling,
         states=states,
         elapsed=sampling.period_at(measured),

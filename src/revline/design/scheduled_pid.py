@@ -4,8 +4,10 @@ The law is that of `revline.design.pid_update`; its gains are looked up at each 
 which comes in as a command. The integral sums ki e, so that a change of ki makes no jump.
 """
 
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from revline.design.controller import PidGains
 from revline.design.gain_schedule import GainSchedule, ScheduleTables, gains_at
 from revline.design.pid_controller import PidController
 from revline.design.pid_update import PidCode, sampled_pid, start, trust, update
@@ -112,3 +114,46 @@ def scheduled_pid(schedule: GainSchedule, controller: PidController, *, output: 
         update=scheduled_update,
         start=scheduled_start,
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ScheduledController:
+    """A PID controller whose gains are looked up over its measurement and a second signal.
+
+    Attributes:
+        controller: with its limits and its sampling; its own gains count for their units alone.
+        schedule: of the gains.
+    """
+
+    controller: PidController
+    schedule: GainSchedule
+
+    def scaled(self, factor: float) -> "ScheduledController":
+        """Multiply all gains by a factor."""
+        table = self.schedule
+        return replace(self, schedule=replace(table, kp=factor * table.kp, ki=factor * table.ki, kd=factor * table.kd))
+
+    def frozen_at(self, measurement: float, second: float) -> PidController:
+        """The controller with the gains of one place."""
+        kp, ki, kd = self.schedule.gains_at(measurement, second)
+        own = self.controller.gains
+        gains = PidGains(
+            kp=kp, ki=ki, kd=kd, input_unit=own.input_unit, output_unit=own.output_unit, rule=own.rule, designed_on=own.designed_on
+        )
+        return replace(self.controller, gains=gains)
+
+
+AnyController = PidController | ScheduledController
+"""What a sampled loop may be closed with."""
+
+
+def law_of(controller: AnyController) -> PidController:
+    """Limits, sampling and units of a controller."""
+    return controller.controller if isinstance(controller, ScheduledController) else controller
+
+
+def scaled_controller(controller: AnyController, factor: float) -> AnyController:
+    """Multiply all gains of a controller by a factor."""
+    if isinstance(controller, ScheduledController):
+        return controller.scaled(factor)
+    return replace(controller, gains=controller.gains.scaled(kp=factor, ki=factor, kd=factor))

@@ -6,6 +6,7 @@ from typing import Final
 
 from revline.design.acceptance import Acceptance, AcceptanceRun, LinearLoop
 from revline.design.gain_reserve import LARGEST, GainReserve
+from revline.design.scheduled_pid import ScheduledController, law_of
 from revline.io.controller_files import controller_record
 
 SCHEMA: Final = "revline.acceptance/1"
@@ -37,7 +38,8 @@ def acceptance_record(found: Acceptance, *, engine: str, provenance: Mapping[str
         "passed": found.passed,
         **(_finite({"gain_reserve_db": found.gain_reserve_db}) if found.reserves else {}),
         "reasons": list(found.reasons),
-        "controller": controller_record(found.controller, provenance=provenance),
+        "controller": controller_record(law_of(found.controller), provenance=provenance),
+        "scheduled": isinstance(found.controller, ScheduledController),
         "battery": {
             "command_rad_s": battery.command,
             "load_step_nm": battery.load,
