@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from revline.design.gain_columns import GainColumns
+from revline.design.gain_columns import GainColumns, peak_columns, stable_columns
 from revline.design.gain_map import GainMap, GainPoint
 from revline.design.schedule_design import ScheduleResult
 from revline.errors import InvalidInputError
@@ -33,6 +33,9 @@ Floats = NDArray[np.float64]
 
 SHADES: Final = ("#FFFFFF", "#E3F0F9", "#C2DFF1", "#94C6E6", "#5CA6D3", "#2E7FB3", "#0B5A8C")
 """From the smallest gains to the largest."""
+
+OUTLINE: Final = 241
+"""Columns of an outline."""
 
 FLAT: Final = 0.1
 """Magnitude of kp below which the axis of the overlay is linear, as it shows both signs."""
@@ -128,8 +131,9 @@ def _draw_overlay(axes: Axes, found: GainMap) -> None:
     bottom = 0.02 * min(point.best.ki for point in found.found if point.best)
     for point, look in zip(chosen or [first, last], MODELS, strict=False):
         label = ", ".join(f"{value:g} {unit}" for value, unit in zip(point.place, found.units, strict=True))
-        _outline(axes, point.stable, look._replace(dash=":", width=1.0), "", bottom)
-        _outline(axes, point.allowed, look, label, bottom)
+        kp = _columns(point)
+        _outline(axes, stable_columns(point.region, kp), look._replace(dash=":", width=1.0), "", bottom)
+        _outline(axes, peak_columns(point.region, kp, found.peak, point.ellipses), look, label, bottom)
     if found.allowed is not None and not found.allowed.empty:
         common = found.allowed
         axes.fill_between(common.kp[common.column], np.maximum(common.low, bottom), np.maximum(common.high, bottom), color=GREY, alpha=0.5)
@@ -139,6 +143,13 @@ def _draw_overlay(axes: Axes, found: GainMap) -> None:
     axes.set_ylim(bottom=bottom)
     label_axes(axes, Quantity("kp", found.gain_unit), Quantity("ki", f"{found.gain_unit}/s"))
     axes.set_title(f"Ms at most {found.peak:g} (lines), stable (dots)", fontsize=9.0)
+
+
+def _columns(point: GainPoint) -> Floats:
+    """Columns of kp for an outline, as close as the axis shows them: evenly up to `FLAT`, then by its logarithm."""
+    window = point.region.window
+    ends = np.arcsinh(np.array([window.kp_low, window.kp_high]) / (0.5 * FLAT))
+    return np.asarray(0.5 * FLAT * np.sinh(np.linspace(ends[0], ends[1], OUTLINE)))
 
 
 def _outline(axes: Axes, gains: GainColumns, look: Look, label: str, bottom: float) -> None:
