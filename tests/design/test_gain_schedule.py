@@ -4,17 +4,20 @@ import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
+from revline.dde.kernel import specialisation_of
 from revline.design import schedule_design
 from revline.design.controller import PidGains
 from revline.design.gain_map import Design, GainGrid, GainMap, GainPoint, find_gain_map, solve_point
 from revline.design.gain_schedule import PLAIN, GainSchedule, Scaling
 from revline.design.pid_controller import PidController
 from revline.design.pid_update import sampled_pid
+from revline.design.sampled_loop import with_command
 from revline.design.schedule_design import ScheduleResult, design_schedule, try_place
 from revline.design.scheduled_pid import scheduled_pid
 from revline.engine.lee1995 import lee1995
 from revline.errors import InvalidInputError, NotConvergedError
 from revline.sampled import FixedRate
+from tests.design.controllers import C2D
 
 SPEEDS = np.array([100.0, 200.0, 400.0])
 LOADS = np.array([0.0, 40.0])
@@ -173,3 +176,30 @@ def test_what_cannot_be_scheduled_is_refused() -> None:
     poor = GainGrid(first="throttle", first_values=np.array([10.0, 20.0]), second="load_torque", second_values=LOADS)
     with pytest.raises(NotConvergedError, match="no gains at the node throttle = 10 deg, load_torque = 40 N m"):
         design_schedule(engine, find_gain_map(engine, poor))
+
+
+def test_tables_of_other_sizes_are_other_kernels() -> None:
+    """One kernel taken for another of the same equations would read its tables from the wrong places."""
+    first, second = (
+        scheduled_pid(_flat(size), PidController(gains=C2D, sampling=FixedRate(period=0.01)), output=25.0, measurement=240.0)
+        for size in (2, 3)
+    )
+    engine = with_command(lee1995(), "engine_speed")
+    one, other = (specialisation_of(engine, controller=code) for code in (first, second))
+    assert one != other
+    assert one.layout != other.layout
+    assert str(one.layout.controller) != str(other.layout.controller)
+
+
+def _flat(size: int) -> GainSchedule:
+    shape = (size, 2)
+    return GainSchedule(
+        names=("engine_speed", "load_torque"),
+        units=("rad/s", "N m"),
+        gain_unit="deg/(rad/s)",
+        first=np.linspace(100.0, 400.0, size),
+        second=np.array([0.0, 20.0]),
+        kp=np.full(shape, 0.5),
+        ki=np.full(shape, 1.5),
+        kd=np.zeros(shape),
+    )

@@ -18,9 +18,11 @@ from numpy.typing import NDArray
 from revline import signals
 from revline.analysis.trim import find_trim
 from revline.design.closed_loop import operating_point
+from revline.design.gain_schedule import GainSchedule, Scaling
 from revline.design.pid_controller import AntiWindup, PidController
 from revline.design.pid_update import ROUNDING_SINGLE, sampled_pid
 from revline.design.sampled_loop import Disturbance, SampledRun, SampledTask, run_sampled_loop
+from revline.design.scheduled_pid import ScheduledController
 from revline.engine.lee1995 import lee1995
 from revline.errors import InvalidInputError
 from revline.io.c_controller import COMPILE, Precision, write_c_controller
@@ -64,7 +66,13 @@ class Compiled:
 
 
 def build(
-    code: SampledController, folder: Path, precision: Precision = Precision.DOUBLE, change: Callable[[str], str] = str, flags: str = ""
+    code: SampledController,
+    folder: Path,
+    precision: Precision = Precision.DOUBLE,
+    *,
+    change: Callable[[str], str] = str,
+    flags: str = "",
+    readings: int = 1,
 ) -> Compiled:
     """Compile a controller as a shared library with the flags that its file states."""
     text = change(
@@ -81,8 +89,8 @@ def build(
     names, outputs = tuple(v.name for v in code.states), tuple(v.name for v in code.outputs)
     state = type("State", (ctypes.Structure,), {"_fields_": [(name, real) for name in names]})
     output = type("Output", (ctypes.Structure,), {"_fields_": [(name, real) for name in outputs]})
-    library.pid_start.restype, library.pid_start.argtypes = state, [real] * 3
-    library.pid_step.restype, library.pid_step.argtypes = output, [ctypes.POINTER(state), real, real, real]
+    library.pid_start.restype, library.pid_start.argtypes = state, [real] * (2 + readings)
+    library.pid_step.restype, library.pid_step.argtypes = output, [ctypes.POINTER(state), *[real] * (2 + readings)]
     return Compiled(library.pid_start, library.pid_step, names, outputs)
 
 
@@ -112,6 +120,34 @@ def simulate(controller: PidController, step: float) -> SampledRun:
 
 def recorded(run: SampledRun) -> Floats:
     return np.hstack([run.sampled.states, run.sampled.outputs])
+
+
+def test_scheduled_gains_compute_the_same_bits_too(tmp_path: Path) -> None:
+    """A table over speed and load, powers of the speed taken out: its look-up is exported with the law."""
+    engine = lee1995()
+    point = operating_point(find_trim(engine, inputs={"throttle": 25.0}))
+    schedule = GainSchedule(
+        names=("engine_speed", "load_torque"),
+        units=("rad/s", "N m"),
+        gain_unit="deg/(rad/s)",
+        first=np.array([100.0, 240.0, 400.0]),
+        second=np.array([0.0, 20.0]),
+        kp=np.array([[0.2, 0.15], [0.5, 0.45], [0.9, 1.0]]),
+        ki=np.array([[0.3, 0.3], [1.5, 1.4], [4.0, 4.5]]),
+        kd=np.full((3, 2), 0.01),
+        scaling=Scaling(),
+    )
+    controller = ScheduledController(controller=PLAIN, schedule=schedule)
+    task = SampledTask(command=signals.ramp(30.0, limit=90.0), until=4.0, loads={"load_torque": signals.step(8.0, start=2.0)})
+    run = run_sampled_loop(engine, point, controller, task)
+    assert run.of_controller("kp_used").max() > 0.7
+    made = build(run.code, tmp_path, readings=2)
+    state = made.start(run.start, run.start, 0.0, 25.0)
+    rows = []
+    for y, r, seconds in zip(run.sampled.measurements[:, 0], run.sampled.commands, run.sampled.elapsed, strict=True):
+        output = made.step(ctypes.byref(state), y, *r, seconds)
+        rows.append([*(getattr(state, name) for name in made.names), *(getattr(output, name) for name in made.outputs)])
+    assert np.array(rows).tobytes() == recorded(run).tobytes()
 
 
 def test_a_compiler_is_there() -> None:

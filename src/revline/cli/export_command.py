@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from revline import __version__
-from revline.cli.controllers import TimingChoice, own_limits, read_sampled_controller
+from revline.cli.controllers import TimingChoice, own_limits, read_any_controller
 from revline.cli.loop_command import throttle_limits
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, QuietOption
 from revline.cli.plants import EngineChoice, find_engine_trim, refuse_engine
@@ -17,9 +17,9 @@ from revline.errors import InvalidInputError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from revline.design.pid_controller import PidController
+    from revline.design.scheduled_pid import AnyController
 
-ControllerArgument = Annotated[Path, typer.Argument(metavar="CONTROLLER.json", help="Controller file.")]
+ControllerArgument = Annotated[Path, typer.Argument(metavar="CONTROLLER.json", help="Controller file, or a gain map with a schedule.")]
 FormatOption = Annotated[
     str, typer.Option("--format", metavar="F1,F2,..", help="Of c, matlab, control and json, separated by commas; or all.")
 ]
@@ -63,13 +63,14 @@ def export(
     The C code computes, in double precision, the same bits as the simulation. With --throttle the controller rests at the engine's trim
     and is limited as its throttle is; else it rests at the values given, and takes over whatever output there is when it starts.
     """
+    from revline.design.scheduled_pid import law_of
     from revline.io.atomic import write_atomically
     from revline.io.c_controller import COMPILE, Precision
     from revline.io.controller_exports import FORMATS, Export
 
     shell = Shell(json=json, quiet=quiet)
     wanted = _formats(formats)
-    found = read_sampled_controller(controller, TimingChoice(period, crank_angle, 0.0))
+    found = read_any_controller(controller, TimingChoice(period, crank_angle, 0.0))
     place = EngineChoice(engine, throttle, load)
     found, rest, full = _at_rest(found, place, (rest_output, rest_measurement))
     made = Export(
@@ -89,10 +90,10 @@ def export(
         "formats": list(wanted),
         "precision": precision,
         "rest": {"output": rest[0], "measurement": rest[1]},
-        "units": found.gains.gain_units,
+        "units": law_of(found).gains.gain_units,
     }
     rows: list[tuple[str, float | str, str]] = [("written", str(out / file), "") for file in texts]
-    rows += [("output at rest", rest[0], found.gains.output_unit), ("measurement at rest", rest[1], found.gains.input_unit)]
+    rows += [("output at rest", rest[0], law_of(found).gains.output_unit), ("measurement at rest", rest[1], law_of(found).gains.input_unit)]
     rows += [("compile", f"{COMPILE} {name}.c", "")] if "c" in wanted else []
     shell.show(record, Facts(f"Export of {controller.name}", rows))
 
@@ -109,14 +110,17 @@ def _formats(text: str) -> tuple[str, ...]:
 
 
 def _at_rest(
-    controller: "PidController", place: EngineChoice, given: tuple[float | None, float | None]
-) -> "tuple[PidController, tuple[float, float], tuple[float, float]]":
+    controller: "AnyController", place: EngineChoice, given: tuple[float | None, float | None]
+) -> "tuple[AnyController, tuple[float, float], tuple[float, float]]":
     """The controller within its limits, output and measurement at rest, and the output's full range."""
+    from revline.design.scheduled_pid import ScheduledController, law_of
+
+    law = law_of(controller)
     if place.throttle is None:
         refuse_engine(place, "without --throttle the controller rests where --rest-output and --rest-measurement say")
-        low, high = own_limits(controller)
+        low, high = own_limits(law)
         full = (0.0 if low is None else low, 90.0 if high is None else high)
-        rest = (given[0] if given[0] is not None else min(max(0.0, controller.low), controller.high), given[1] or 0.0)
+        rest = (given[0] if given[0] is not None else min(max(0.0, law.low), law.high), given[1] or 0.0)
         return controller, rest, full
     if given != (None, None):
         message = "--throttle and --rest-output or --rest-measurement each say where the controller rests; give one"
@@ -124,8 +128,10 @@ def _at_rest(
     from revline.engine.lee1995 import lee1995_parameters
 
     system, trim = find_engine_trim(place, "")
-    bounds = throttle_limits(own_limits(controller), lee1995_parameters(system).throttle.saturation_angle)
-    return replace(controller, low=bounds[0], high=bounds[1]), (place.throttle, trim.output("engine_speed")), bounds
+    bounds = throttle_limits(own_limits(law), lee1995_parameters(system).throttle.saturation_angle)
+    law = replace(law, low=bounds[0], high=bounds[1])
+    made = replace(controller, controller=law) if isinstance(controller, ScheduledController) else law
+    return made, (place.throttle, trim.output("engine_speed")), bounds
 
 
 def _make_folder(out: Path) -> None:

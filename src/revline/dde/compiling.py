@@ -45,10 +45,11 @@ class Cache(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """Types that a kernel is compiled for: of the state's record, and of the parameters."""
+    """Types that a kernel is compiled for: of the state's record, of the parameters, and of a sampled controller's, where there is one."""
 
     state: np.dtype[np.void]
     parameters: Any
+    controller: Any = None
 
 
 def compile_kernel(make_loop: Callable[[Any], Kernel], parts: Mapping[str, Part], equations: tuple[Part, ...], layout: Layout) -> Kernel:
@@ -64,7 +65,7 @@ def compile_kernel(make_loop: Callable[[Any], Kernel], parts: Mapping[str, Part]
         InvalidInputError: an equation does what the compiler does not know.
     """
     draft = make_loop(SimpleNamespace(**parts))
-    name = _short(f"{equation_digest(draft, *parts.values())} {layout.parameters} {_recipe()}")
+    name = _short(f"{equation_digest(draft, *parts.values())} {layout.parameters} {layout.controller} {_recipe()}")
     inlined = frozenset(reached_functions(*equations))
     own = frozenset(parts.values())
     for function in reached_functions(draft, *parts.values()):

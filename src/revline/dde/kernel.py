@@ -84,14 +84,15 @@ def build_kernel(system: DelaySystem, method: Method = STANDARD, controller: Sam
 
 def specialisation_of(system: DelaySystem, method: Method = STANDARD, controller: SampledController | None = None) -> Specialisation:
     """Tell which kernel a system needs."""
+    sampler = None if controller is None else sampler_of(controller)
     return Specialisation(
         digest=system.equation_digest,
         sizes=(len(system.states), len(system.inputs), len(system.channels), len(system.outputs)),
-        layout=Layout(state_type(system), parameter_type(system.parameters)),
+        layout=Layout(state_type(system), parameter_type(system.parameters), None if sampler is None else sampler.parameters),
         method=method,
         chained=any(name.startswith("zd") for sources in system.structure.lags for name in sources),
         equations=(system.emit, system.lags, system.rate, system.output),
-        sampler=None if controller is None else sampler_of(controller),
+        sampler=sampler,
     )
 
 

@@ -8,10 +8,10 @@ import re
 from collections.abc import Mapping
 from enum import Enum
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final
 
 from revline.errors import InvalidInputError
-from revline.io.recorded_operations import Operation, Statement, given, write_statements
+from revline.io.recorded_operations import Operation, Statement, flat_parameters, given, named_parameters, write_statements
 from revline.sampled import SampledController
 from revline.system import Variable
 
@@ -122,7 +122,7 @@ def write_c_controller(
         raise InvalidInputError(message, name=name)
     head = "\n".join(f" * {key}: {_comment(value)}" for key, value in about.items())
     parameters = controller.parameters
-    pairs = list(zip(type(parameters)._fields, parameters, strict=True))
+    pairs = flat_parameters(parameters)
     declared = "\n".join(f"    real {field}; /* [{units.get(field, '1')}] */" for field, _ in pairs)
     constants = "\n".join(f"    {_literal(float(value))}, /* {field} */" for field, value in pairs)
     begin, sample = _start(controller), _step(controller)
@@ -148,7 +148,7 @@ def write_c_controller(
 
 def _start(controller: SampledController) -> str:
     y, r, u, _ = _symbols(controller)
-    results = controller.start(_parameters(controller), y, r, u)
+    results = controller.start(named_parameters(controller.parameters), y, r, u)
     names = [f"state.{v.name}" for v in controller.states]
     unused = [*controller.measurements, *controller.commands]
     text = _code(write_statements(results, names, _literal), results=frozenset(names))
@@ -159,7 +159,7 @@ def _start(controller: SampledController) -> str:
 def _step(controller: SampledController) -> str:
     y, r, _, t = _symbols(controller)
     xd = tuple(given(f"state->{v.name}") for v in controller.states)
-    results = controller.update(_parameters(controller), xd, y, r, t)
+    results = controller.update(named_parameters(controller.parameters), xd, y, r, t)
     count = len(controller.states)
     following = [f"next_{v.name}" for v in controller.states]
     names = [*following, *(f"output.{v.name}" for v in controller.outputs)]
@@ -176,11 +176,6 @@ def _symbols(controller: SampledController) -> tuple[tuple[Operation, ...], ...]
         tuple(given(f"{v.name}_now") for v in controller.outputs[: controller.drives]),
         (given("seconds"),),
     )
-
-
-def _parameters(controller: SampledController) -> Any:
-    kind: Any = type(controller.parameters)
-    return kind(*(given(f"p.{field}") for field in kind._fields))
 
 
 def _code(statements: tuple[Statement, ...], *, results: frozenset[str]) -> str:

@@ -2,19 +2,21 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final
 
 from revline.design.controller import LAW
 from revline.design.pid_controller import PidController
 from revline.design.pid_update import ROUNDING_DOUBLE, ROUNDING_SINGLE, parameter_units, sampled_pid
+from revline.design.scheduled_pid import AnyController, ScheduledController, law_of, scheduled_pid
 from revline.errors import InvalidInputError, out_of_range
 from revline.io.c_controller import COMPILE, Precision, write_c_controller
 from revline.io.controller_files import controller_record
 from revline.io.json_files import format_json
 from revline.io.matlab_controller import write_matlab_controller
-from revline.sampled import FixedRate, Sampling
+from revline.io.recorded_operations import flat_parameters
+from revline.sampled import FixedRate, SampledController, Sampling
 from revline.units import RPM
 
 
@@ -31,12 +33,38 @@ class Export:
         provenance: what writes it, from what.
     """
 
-    controller: PidController
+    controller: AnyController
     name: str
     rest: tuple[float, float]
     precision: Precision
     full_range: tuple[float, float]
     provenance: Mapping[str, float | str]
+
+    @property
+    def law(self) -> PidController:
+        """Limits, sampling and units."""
+        return law_of(self.controller)
+
+    def code(self, rounding: float = ROUNDING_DOUBLE) -> SampledController:
+        """The sampled form.
+
+        Args:
+            rounding: of the arithmetic that will run it; see `sampled_pid`.
+
+        Raises:
+            InvalidInputError: see `sampled_pid` and `scheduled_pid`.
+        """
+        output, measurement = self.rest
+        if not isinstance(self.controller, ScheduledController):
+            return sampled_pid(self.controller, output=output, measurement=measurement, rounding=rounding)
+        made = scheduled_pid(self.controller.schedule, self.law, output=output, measurement=measurement)
+        return replace(made, parameters=made.parameters._replace(law=made.parameters.law._replace(rounding=rounding)))
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Units of the parameters."""
+        plain = parameter_units(self.law.gains)
+        return {**plain, **{f"law_{name}": unit for name, unit in plain.items()}}
 
     @property
     def sampling(self) -> Sampling:
@@ -45,7 +73,7 @@ class Export:
         Raises:
             InvalidInputError: it is continuous.
         """
-        found = self.controller.sampling
+        found = self.law.sampling
         if not hasattr(found, "computation_delay"):
             message = "a continuous controller has no code; say when it samples"
             raise InvalidInputError(message)
@@ -55,19 +83,19 @@ class Export:
 def export_c(export: Export) -> str:
     """Write NAME.c."""
     rounding = ROUNDING_DOUBLE if export.precision is Precision.DOUBLE else ROUNDING_SINGLE
-    code = sampled_pid(export.controller, output=export.rest[0], measurement=export.rest[1], rounding=rounding)
-    units = parameter_units(export.controller.gains)
-    return write_c_controller(code, name=export.name, precision=export.precision, about=_about(export), units=units)
+    return write_c_controller(export.code(rounding), name=export.name, precision=export.precision, about=_about(export), units=export.units)
 
 
 def export_matlab(export: Export) -> str:
     """Write NAME.m."""
-    code = sampled_pid(export.controller, output=export.rest[0], measurement=export.rest[1])
-    return write_matlab_controller(code, name=export.name, about=_about(export), units=parameter_units(export.controller.gains))
+    return write_matlab_controller(export.code(), name=export.name, about=_about(export), units=export.units)
 
 
 def export_control(export: Export) -> str:
     """Write NAME_control.py: the linear law as objects of python-control, continuous and sampled."""
+    if isinstance(export.controller, ScheduledController):
+        message = "a scheduled controller has no one linear law for python-control; export c, matlab or json"
+        raise InvalidInputError(message)
     controller, gains = export.controller, export.controller.gains
     period = export.sampling.period_at(export.rest[1]) if not isinstance(export.sampling, FixedRate) else export.sampling.period
     about = "\n".join(f"# {key}: {' '.join(value.split())}" for key, value in _about(export).items())
@@ -100,14 +128,13 @@ sampled_from_measurement = kp + sampled_integral + sampled_derivative
 
 def export_json(export: Export) -> str:
     """Write NAME.json: the controller file, the parameters of its sampled form, and its gains in units of engine computers."""
-    code = sampled_pid(export.controller, output=export.rest[0], measurement=export.rest[1])
-    parameters = {key: value for key, value in code.parameters._asdict().items() if math.isfinite(value)}
+    parameters = {key: value for key, value in flat_parameters(export.code().parameters) if math.isfinite(value)}
     return format_json(
         {
-            **controller_record(export.controller, provenance=export.provenance),
+            **controller_record(export.law, provenance=export.provenance),
             "rest": {"output": export.rest[0], "measurement": export.rest[1]},
             "sampled_parameters": parameters,
-            "engine_computer_units": engine_computer_units(export),
+            **({} if isinstance(export.controller, ScheduledController) else {"engine_computer_units": engine_computer_units(export)}),
         }
     )
 
@@ -121,7 +148,7 @@ def engine_computer_units(export: Export) -> Mapping[str, float | str]:
     Raises:
         InvalidInputError: the measurement is no speed in rad/s, or the range is none.
     """
-    gains, (low, high) = export.controller.gains, export.full_range
+    gains, (low, high) = export.law.gains, export.full_range
     if gains.input_unit != "rad/s":
         message = f"gains per rpm need a speed in rad/s; this controller measures in {gains.input_unit}"
         raise InvalidInputError(message)
@@ -134,7 +161,7 @@ def engine_computer_units(export: Export) -> Mapping[str, float | str]:
         "kp_percent_per_rpm": gains.kp * per_cent_per_rpm,
         "ki_percent_per_rpm_s": gains.ki * per_cent_per_rpm,
         "kd_percent_s_per_rpm": gains.kd * per_cent_per_rpm,
-        "filter_time_ms": 1e3 * export.controller.filter_time,
+        "filter_time_ms": 1e3 * export.law.filter_time,
     }
     if period is not None:
         found["period_ms"] = 1e3 * period
@@ -155,7 +182,7 @@ FORMATS: Final[Mapping[str, tuple[Callable[[Export], str], str]]] = MappingProxy
 
 
 def _about(export: Export) -> Mapping[str, str]:
-    gains, controller = export.controller.gains, export.controller
+    gains, controller = export.law.gains, export.law
     about = {key: f"{value}" for key, value in export.provenance.items()}
     about |= {
         "law": f"{LAW}; with weights {controller.setpoint_weight:g} and {controller.derivative_weight:g} of the command",
@@ -166,6 +193,9 @@ def _about(export: Export) -> Mapping[str, str]:
         "anti-windup": controller.anti_windup.value,
         "lost sensor": f"the last good measurement is kept for {controller.hold_samples} samples, then the output is safe_output",
     }
+    if isinstance(export.controller, ScheduledController):
+        table = export.controller.schedule
+        return {**about, "gains": f"scheduled over {table.names[0]} [{table.units[0]}] and {table.names[1]} [{table.units[1]}]"}
     try:
         numbers = engine_computer_units(export)
     except InvalidInputError:  # another measurement than a speed, or an output without a range: there are no such units

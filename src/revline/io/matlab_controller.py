@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, Final
 
-from revline.io.recorded_operations import Statement, given, write_statements
+from revline.io.recorded_operations import Statement, flat_parameters, given, named_parameters, write_statements
 from revline.sampled import SampledController
 
 LIMITS: Final = """
@@ -40,9 +40,8 @@ def write_matlab_controller(controller: SampledController, *, name: str, about: 
         A function [state, output] = NAME(state, measurement, command, seconds), which begins with a state of [] at rest.
     """
     parameters: Any = controller.parameters
-    fields = type(parameters)._fields
     y, r = tuple(given(v.name) for v in controller.measurements), tuple(given(v.name) for v in controller.commands)
-    p = type(parameters)(*(given(f"p.{field}") for field in fields))
+    p = named_parameters(parameters)
     states = [v.name for v in controller.states]
     started = controller.start(p, y, r, tuple(given(f"{v.name}_now") for v in controller.outputs[: controller.drives]))
     updated = controller.update(p, tuple(given(f"state.{n}") for n in states), y, r, (given("seconds"),))
@@ -50,8 +49,8 @@ def write_matlab_controller(controller: SampledController, *, name: str, about: 
     inputs = ", ".join(v.name for v in (*controller.measurements, *controller.commands))
     now = ", ".join(f"{v.name}_now" for v in controller.outputs[: controller.drives])
     head = "\n".join(f"% {key}: {' '.join(value.split())}" for key, value in about.items())
-    values = zip(fields, parameters, strict=True)
-    constants = "\n".join(f"    p.{field} = {_literal(float(value))}; % [{units.get(field, '1')}]" for field, value in values)
+    values = flat_parameters(parameters)
+    constants = "\n".join(f"    p.{field} = {_literal(value)}; % [{units.get(field, '1')}]" for field, value in values)
     meanings = "\n".join(f"%   {v.name} [{v.unit}]: {v.description}" for v in controller.outputs)
     return f"""function [state, output] = {name}(state, {inputs}, seconds, {now})
 % {name}: a sampled controller.

@@ -141,3 +141,25 @@ def _bare(text: str) -> str:
         if depth == 0:
             return text[1:-1] if position == len(text) - 1 else text
     return text
+
+
+def flat_parameters(parameters: Any, path: tuple[str, ...] = ()) -> list[tuple[str, float]]:
+    """List the numbers of parameters, in tuples of any depth, each under a name of its own: "law_kp", "tables_ki_0_3".
+
+    Args:
+        parameters: NamedTuple of numbers, or of such.
+        path: names that lead there.
+    """
+    if not isinstance(parameters, tuple):
+        return [("_".join(path), float(parameters))]
+    names = getattr(parameters, "_fields", [str(k) for k in range(len(parameters))])
+    return [entry for name, part in zip(names, parameters, strict=True) for entry in flat_parameters(part, (*path, name))]
+
+
+def named_parameters(parameters: Any, path: tuple[str, ...] = ()) -> Any:
+    """Give parameters of the same form whose numbers are scalars from outside, under the names of `flat_parameters` in a struct p."""
+    if not isinstance(parameters, tuple):
+        return given(f"p.{'_'.join(path)}")
+    names = getattr(parameters, "_fields", [str(k) for k in range(len(parameters))])
+    parts = [named_parameters(part, (*path, name)) for name, part in zip(names, parameters, strict=True)]
+    return type(parameters)(*parts) if hasattr(parameters, "_fields") else tuple(parts)
