@@ -78,3 +78,14 @@ def test_equal_controllers_have_equal_digests_and_others_do_not() -> None:
 def test_a_controller_that_does_not_fit_its_signals_is_refused(changes: Any, message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
         replace(controller(), **changes)
+
+
+def test_other_parameters_make_another_controller_of_the_same_equations() -> None:
+    first = controller()
+    assert first.content_digest
+    other = first.with_parameters(first.parameters._replace(kp=2.0))
+    assert (other.parameters.kp, first.parameters.kp) == (2.0, 1.2)
+    assert other.equation_digest == first.equation_digest
+    assert other.content_digest != first.content_digest
+    with pytest.raises(InvalidInputError, match="pid has PidCode, not tuple, for parameters; give those"):
+        first.with_parameters((1.0,))

@@ -7,6 +7,7 @@ The first outputs of `update` drive a system; the rest tell what they are made o
 so that the same definition is compiled into simulations and written as C, and both compute the same to the last bit.
 """
 
+import copy
 import functools
 import math
 from dataclasses import dataclass
@@ -125,6 +126,20 @@ class SampledController:
             if count != wanted:
                 message = f"{self.name}: {what} returns {count} results where {wanted} signals are named"
                 raise InvalidInputError(message)
+
+    def with_parameters(self, parameters: Any) -> "SampledController":
+        """Make the same controller with other parameters of the same form; its equations are not traced again.
+
+        Raises:
+            InvalidInputError: the parameters are of another type.
+        """
+        if type(parameters) is not type(self.parameters):
+            message = f"{self.name} has {type(self.parameters).__name__}, not {type(parameters).__name__}, for parameters; give those"
+            raise InvalidInputError(message)
+        made = copy.copy(self)
+        object.__setattr__(made, "parameters", parameters)
+        made.__dict__.pop("content_digest", None)
+        return made
 
     @functools.cached_property
     def equation_digest(self) -> str:

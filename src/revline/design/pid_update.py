@@ -7,6 +7,7 @@ Source: Astrom and Hagglund (2006), Advanced PID Control, section 13.4; Astrom a
 section 8.5.
 """
 
+import functools
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -177,10 +178,15 @@ def sampled_pid(controller: PidController, *, output: float, measurement: float,
         limits = f"the controller's limits {controller.low:g} to {controller.high:g} {gains.output_unit}"
         raise out_of_range("output at rest", output, gains.output_unit, limits, "widen the limits or choose another operating point")
     _check_resolution(controller, output, measurement, rounding)
-    drive, measured = gains.output_unit, gains.input_unit
+    return _form(gains.output_unit, gains.input_unit).with_parameters(_code(controller, output, measurement, rounding))
+
+
+@functools.lru_cache(maxsize=64)
+def _form(drive: str, measured: str) -> SampledController:
+    """The controller without parameters that mean anything: its equations are traced once for each pair of units."""
     return SampledController(
         name="pid",
-        parameters=_code(controller, output, measurement, rounding),
+        parameters=PidCode(*(1.0 for _ in PidCode._fields)),
         states=_states(drive, measured),
         measurements=(Variable(name="measurement", unit=measured, description="measured value"),),
         commands=(Variable(name="command", unit=measured, description="wanted value"),),
