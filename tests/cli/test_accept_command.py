@@ -100,3 +100,11 @@ def test_the_ultimate_gain_by_every_way(revline: Command, tmp_path: Path) -> Non
     assert len(record["reasons"]) == 2
     assert revline("relay", "--throttle", 25, "--amplitude", 60).status == 2
     assert revline("relay", "--throttle", 25, "--until", 0.5).status == 1
+
+
+def test_sampling_that_takes_longer_than_the_delay_is_warned_of(revline: Command, tmp_path: Path) -> None:
+    slow = {"kp": 0.05, "ki": 0.1, "kd": 0.0}
+    done = revline("accept", controller(tmp_path, **slow), "--throttle", 25, "--period", 0.05, "--spread", 0, "--until", 4, "--json")
+    assert done.status == 0
+    assert "samples every 0.05 s, longer than the plant's delay of 0.0228 s" in " ".join(done.err.split())
+    assert "sample faster" in json.loads(done.out)["linear_loops"][0]["warning"]

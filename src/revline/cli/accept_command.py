@@ -115,7 +115,7 @@ def accept(
         found = accept(plants, judged, _places(throttle, load), battery, workers=workers, progress=progress)
     record = acceptance_record(found, engine=plant.name, provenance={"program": f"revline {__version__}", "controller": controller.name})
     shell.write(out, format_json(record), "acceptance")
-    shell.warn(*(loop.verdict for loop in found.linear if loop.verdict))
+    shell.warn(*(text for loop in found.linear for text in (loop.verdict, loop.warning) if text))
     shell.show(record, *_parts(found), text_on=out)
 
 

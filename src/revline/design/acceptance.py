@@ -159,10 +159,23 @@ class LinearLoop:
     Attributes:
         place: inputs at the trim, by name.
         margins: with sampling and hold as they are.
+        delay: longest lag of the plant there, in s.
     """
 
     place: Mapping[str, float]
     margins: DiscreteMargins
+    delay: float
+
+    @property
+    def warning(self) -> str:
+        """What is unusual about it; empty where nothing is."""
+        if self.margins.period <= self.delay:
+            return ""
+        place = ", ".join(f"{name} {value:g}" for name, value in self.place.items())
+        return (
+            f"{place}: the controller samples every {self.margins.period:g} s, longer than the plant's delay of {self.delay:.3g} s; most of "
+            "what the loop waits for is the controller: sample faster"
+        )
 
     @property
     def verdict(self) -> str:
@@ -279,9 +292,10 @@ def _linear_loop(plant: DelaySystem, trim: Trim, controller: AnyController, plac
         local = controller.frozen_at(speed, trim.input(controller.schedule.names[1]))
     else:
         local = controller
-    sampled = sampled_plant_of_system(linearize(plant, trim).model, wires=wires, name=plant.name)
+    model = linearize(plant, trim).model
+    sampled = sampled_plant_of_system(model, wires=wires, name=plant.name)
     margins = find_discrete_margins(sampled, local, speed=speed)
-    return LinearLoop(place=place, margins=margins)
+    return LinearLoop(place=place, margins=margins, delay=float(max(model.lags, default=0.0)))
 
 
 def _cases(place: Mapping[str, float], battery: Battery, plants: Sequence[str], *, seed: int) -> list[Case]:

@@ -99,7 +99,8 @@ def _linear_record(linear: LinearLoop) -> Mapping[str, object]:
     record |= {"gain_margin": rise.gain_margin} if rise else {}
     record |= {"gain_reduction_margin": fall.gain_margin} if fall else {}
     record |= {"phase_margin_deg": margins.phase.phase_margin_deg} if margins.phase else {}
-    return {**record, "left_out": found.left_out}
+    record |= {"warning": linear.warning} if linear.warning else {}
+    return {**record, "delay_s": linear.delay, "left_out": found.left_out}
 
 
 def _finite(numbers: Mapping[str, float]) -> dict[str, float]:
