@@ -173,8 +173,8 @@ class LinearLoop:
             return ""
         place = ", ".join(f"{name} {value:g}" for name, value in self.place.items())
         return (
-            f"{place}: the controller samples every {self.margins.period:g} s, longer than the plant's delay of {self.delay:.3g} s; the loop "
-            "waits for the controller more than for the plant: sample faster"
+            f"{place}: the controller samples every {self.margins.period:g} s, longer than the plant's delay of {self.delay:.3g} s; "
+            "the loop waits for the controller more than for the plant: sample faster"
         )
 
     @property
