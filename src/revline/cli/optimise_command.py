@@ -10,6 +10,7 @@ import typer
 from revline import __version__
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, OutOption, QuietOption
 from revline.cli.plants import EngineChoice, linearise_engine
+from revline.cli.plots import PlotOption, check_plot, write_plot
 from revline.cli.shell import Facts, Grid, Shell
 from revline.errors import InvalidInputError
 
@@ -65,6 +66,7 @@ def optimise(
     filter_time: FilterOption = 0.0,
     compare: CompareOption = None,
     compare_rules: RulesOption = False,
+    plot: PlotOption = None,
     engine: EngineOption = DEFAULT_ENGINE,
     out: OutOption = None,
     json: JsonOption = False,
@@ -81,7 +83,8 @@ def optimise(
     from revline.io.optimum_records import comparison_record, optimum_record
 
     shell = Shell(json=json, quiet=quiet)
-    shell.prepare(out, "controller file")
+    _check_plot(plot, compared=bool(compare) or compare_rules)
+    shell.prepare_each((out, "controller file"), (plot, "figure"))
     plants = _plants(model, engine, throttle, load)
     grids = [make_grid(plant.plant, filter_time=filter_time) for plant in plants]
     scale = find_scale(plants[0])
@@ -90,6 +93,11 @@ def optimise(
         found = _compare(plants, grids[0], scale, compare or [], rules=compare_rules)
         record = comparison_record(found, provenance=provenance)
         shell.write(out, format_json(record), "comparison")
+        if plot is not None:
+            from revline.report.optimum import plot_comparison
+
+            units = ("rad per N m", "rad/s per N m") if model is None else ("model's units", "model's units")
+            write_plot(plot, plot_comparison(found, grids[0], unit=units[0], response_unit=units[1]), "optimise")
         shell.show(record, *_comparison_parts(found), text_on=out)
         return
     bounds = _bounds(ms, mt, effort, setpoint_iae)
@@ -99,6 +107,13 @@ def optimise(
     record = optimum_record(best, plants, filter_time=filter_time, objective=objective, provenance=provenance)
     shell.write(out, format_json(record), "controller file")
     shell.show(record, *_parts(best, plants), text_on=out)
+
+
+def _check_plot(plot: Path | None, *, compared: bool) -> None:
+    check_plot(plot)
+    if plot is not None and not compared:
+        message = "--plot shows controllers beside their optimum; give --compare or --compare-rules, or leave --plot out"
+        raise InvalidInputError(message)
 
 
 def _plants(model: Path | None, engine: str, throttle: str | None, load: str) -> "list[TuningPlant]":
