@@ -108,3 +108,20 @@ def test_sampling_that_takes_longer_than_the_delay_is_warned_of(revline: Command
     assert done.status == 0
     assert "samples every 0.05 s, longer than the plant's delay of 0.0228 s" in " ".join(done.err.split())
     assert "sample faster" in json.loads(done.out)["linear_loops"][0]["warning"]
+
+
+def test_margins_of_a_controller_that_samples_are_those_of_its_samples(revline: Command, tmp_path: Path) -> None:
+    """C2d every 10 ms: a gain margin of 1.0715 on the engine, where 1.50 is left without sampling."""
+    file = controller(tmp_path, **C2D, sampling={"period_s": 0.01})
+    record = json.loads(revline("margins", file, "--throttle", 25, "--json").out)
+    assert record["stable"] is True
+    assert record["gain_margin"] == pytest.approx(1.0715, abs=5e-4)
+    assert record["equivalent_delay_s"] == 0.005
+    model = tmp_path / "m.json"
+    model.write_text('{"numerator": [12.0], "denominator": [1.0, 0.55, 0.034], "delay_s": 0.02}')
+    assert "equivalent delay" in revline("margins", model, file).out
+    response = tmp_path / "r.csv"
+    response.write_text("frequency_rad_s,magnitude,phase_deg\n1,2,-3\n")
+    refused = revline("margins", response, file)
+    assert refused.status == 2
+    assert "which no response in a file shows; give a model" in " ".join(refused.err.split())

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption
-from revline.cli.plants import EngineChoice, linearise_engine, refuse_engine
+from revline.cli.plants import EngineChoice, find_engine_trim, linearise_engine, refuse_engine
 from revline.cli.shell import Facts, Grid, Shell
 from revline.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from revline.design.controller import PidGains
     from revline.design.open_loop import OpenLoop
+    from revline.design.pid_controller import PidController
 
 UnstablePolesOption = Annotated[
     int | None, typer.Option("--unstable-poles", metavar="N", help="Of a sampled plant: its poles right of the axis; else 0.")
@@ -27,6 +28,8 @@ ColumnsOption = Annotated[
 AmplitudeOption = Annotated[
     float | None, typer.Option("--amplitude", metavar="DEG", help="Of a response: amplitude of the input [deg], as for fit.")
 ]
+
+WANTING = "a loop around an engine needs --throttle, the angle [deg] of the trim that it is linearised at"
 
 
 def margins(
@@ -55,6 +58,7 @@ def margins(
 
     The loop is broken at the throttle. Margins of an unstable loop are no safety: the first line says which it is.
     Of a sampled response they hold within its band, with the interpolation's error: revline margins response.csv controller.json
+    Of a controller that samples they are those that its samples see, sampling and hold exact.
     """
     from revline.design.margins import find_margins
     from revline.io.controller_files import read_controller
@@ -63,7 +67,11 @@ def margins(
 
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "margins")
-    gains = read_controller(files[-1]).feedback_gains
+    file = read_controller(files[-1])
+    if hasattr(file.controller.sampling, "computation_delay"):
+        _show_discrete(shell, files, file.controller, EngineChoice(engine, throttle, load), out)
+        return
+    gains = file.feedback_gains
     options = (unstable_poles, delay, columns, amplitude)
     if len(files) == 2 and files[0].suffix.lower() == ".csv":
         refuse_engine(EngineChoice(engine, throttle, load))
@@ -79,6 +87,42 @@ def margins(
         record,
         Facts(f"{found.loop}: {'stable' if found.stable else 'UNSTABLE'}", describe_margins(found)),
         Grid("Crossovers", ("frequency [rad/s]", "what", "margin"), _crossovers(record)),
+        text_on=out,
+    )
+
+
+def _show_discrete(shell: Shell, files: list[Path], controller: "PidController", choice: EngineChoice, out: Path | None) -> None:
+    """Margins as the samples of a controller see them."""
+    from revline.analysis.linearize import linearize
+    from revline.design.discrete_loop import find_discrete_margins, sampled_plant_of_model, sampled_plant_of_system
+    from revline.io.json_files import format_json
+    from revline.io.margin_records import describe_margins, margin_record
+    from revline.io.model_files import read_model
+
+    if len(files) == 2:
+        refuse_engine(choice)
+        if files[0].suffix.lower() == ".csv":
+            message = "a controller that samples needs a plant beyond half its sampling frequency, which no response in a file shows; give a model"
+            raise InvalidInputError(message)
+        model = read_model(files[0])
+        plant, speed = sampled_plant_of_model(model.model, name=model.name), None
+    else:
+        system, trim = find_engine_trim(choice, WANTING)
+        plant = sampled_plant_of_system(linearize(system, trim).model, name=f"{system.name} at {choice.place}")
+        speed = trim.output("engine_speed")
+    found = find_discrete_margins(plant, controller, speed=speed)
+    extra = {"sampling_period_s": found.period, "equivalent_delay_s": found.equivalent_delay, "left_out": found.left_out}
+    record = {**margin_record(found.margins, controller.gains), **extra}
+    shell.write(out, format_json(record), "margins")
+    facts = [
+        *describe_margins(found.margins),
+        ("sampling period", found.period, "s"),
+        ("equivalent delay", found.equivalent_delay, "s, for a continuous loop"),
+    ]
+    shell.show(
+        record,
+        Facts(f"{found.margins.loop}: {'stable' if found.margins.stable else 'UNSTABLE'}", facts),
+        Grid("Crossovers up to half the sampling frequency", ("frequency [rad/s]", "what", "margin"), _crossovers(record)),
         text_on=out,
     )
 
@@ -118,8 +162,7 @@ def _open_loop(files: list[Path], gains: "PidGains", choice: EngineChoice) -> "O
         refuse_engine(choice)
         file = read_model(files[0])
         return open_loop_of_model(file.model, gains, name=file.name)
-    wanting = "a loop around an engine needs --throttle, the angle [deg] of the trim that it is linearised at"
-    name, linear = linearise_engine(choice, wanting)
+    name, linear = linearise_engine(choice, WANTING)
     return open_loop_of_system(linear, gains, name=name)
 
 
