@@ -124,4 +124,4 @@ def test_margins_of_a_controller_that_samples_are_those_of_its_samples(revline: 
     response.write_text("frequency_rad_s,magnitude,phase_deg\n1,2,-3\n")
     refused = revline("margins", response, file)
     assert refused.status == 2
-    assert "which no response in a file shows; give a model" in " ".join(refused.err.split())
+    assert "which no response shows; give a model" in " ".join(refused.err.split())

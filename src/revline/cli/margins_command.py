@@ -102,7 +102,7 @@ def _show_discrete(shell: Shell, files: list[Path], controller: "PidController",
     if len(files) == 2:
         refuse_engine(choice)
         if files[0].suffix.lower() == ".csv":
-            message = "a controller that samples needs a plant beyond half its sampling frequency, which no response in a file shows; give a model"
+            message = "a controller that samples needs its plant above half its sampling frequency, which no response shows; give a model"
             raise InvalidInputError(message)
         model = read_model(files[0])
         plant, speed = sampled_plant_of_model(model.model, name=model.name), None
