@@ -225,9 +225,9 @@ def _is_stable(grid: LoopGrid, terms: Terms) -> bool:
     """Count the turns of (1 + L) s/(s + a), which has no pole on the axis, along the grid of peaks."""
     s = 1j * grid.omega
     law = terms.kp * s + terms.ki + terms.kd * s * s / (grid.filter_time * s + 1.0)
-    curve = (s + grid.at_peaks * law) / (s + 1.0)
+    curve = (s + grid.at_peaks * law) / (s + 1.0 if terms.ki != 0.0 else s)
     turned = float(np.sum(np.angle(curve[1:] / curve[:-1])))
-    whole = turned + float(np.angle(curve[0])) - float(np.angle(curve[-1]))
+    whole = turned + float(np.angle(curve[0] * np.sign(curve[0].real))) - float(np.angle(curve[-1]))
     return round(whole / math.pi) == grid.unstable_poles
 
 
