@@ -143,6 +143,7 @@ def test_an_unstable_plant_and_a_high_gain_are_counted() -> None:
             "sampling by the crank's angle has a period at a speed only; give the speed",
         ),
         (lambda: sampled_plant_of_model(replace(LAG, numerator=(1.0, 1.0))), "model has as many zeros as poles or more"),
+        (lambda: sampled_plant_of_model(replace(LAG, denominator=(0.0, 1.0))), "model has a pole on the imaginary axis, an integrator"),
         (
             lambda: find_discrete_margins(sampled_plant_of_model(LAG), sampled(replace(PI, input_unit="rpm"))),
             "the controller has the measurement in rpm and model in rad/s; convert the gains",

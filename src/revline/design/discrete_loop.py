@@ -99,10 +99,13 @@ def sampled_plant_of_model(model: TransferFunction, *, name: str = "model") -> S
     """Take a transfer function with delay as the plant of a sampled controller.
 
     Raises:
-        InvalidInputError: the model is not strictly proper.
+        InvalidInputError: the model is not strictly proper, or has a pole on the imaginary axis.
     """
     if len(model.numerator) >= len(model.denominator):
         message = f"{name} has as many zeros as poles or more; what is sampled must not jump with what is held: add a lag"
+        raise InvalidInputError(message)
+    if np.any(np.abs(model.poles.real) <= 1e-9 * np.maximum(np.abs(model.poles), 1e-9)):
+        message = f"{name} has a pole on the imaginary axis, an integrator for example; its sampled loop's roots cannot be counted here"
         raise InvalidInputError(message)
     return SampledPlant(
         name=name,
