@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 
 from revline import signals
 from revline.analysis.trim import find_trim
+from revline.dde.kernel import STANDARD, Method, Propagation
 from revline.dde.simulate import Options
 from revline.design.closed_loop import OF_LINEAR_MODEL, Limits, LoopTask, OperatingPoint, operating_point, run_loop
 from revline.design.controller import PidGains
@@ -46,20 +47,20 @@ def run_lag(controller: PidController, **changes: Any) -> SampledRun:
 class ExactLag:
     """The lag's output and its integral under inputs that jump, in closed form: jumps of the input so far are all it knows."""
 
-    def __init__(self) -> None:
+    def __init__(self, lag: float = LAG) -> None:
         self.jumps: list[tuple[float, float]] = []
-        self.level = BASE
+        self.level, self.lag = BASE, lag
 
     def drive(self, time: float, value: float) -> None:
         self.jumps.append((time, value - self.level))
         self.level = value
 
     def output(self, time: float) -> float:
-        return REST + sum(GAIN * size * -math.expm1(-(time - at - DELAY) / LAG) for at, size in self.jumps if time > at + DELAY)
+        return REST + sum(GAIN * size * -math.expm1(-(time - at - DELAY) / self.lag) for at, size in self.jumps if time > at + DELAY)
 
     def angle(self, time: float) -> float:
         since = [(size, time - at - DELAY) for at, size in self.jumps if time > at + DELAY]
-        return REST * time + sum(GAIN * size * (t + LAG * math.expm1(-t / LAG)) for size, t in since)
+        return REST * time + sum(GAIN * size * (t + self.lag * math.expm1(-t / self.lag)) for size, t in since)
 
 
 def replay(run: SampledRun, times_of: Any) -> ExactLag:
@@ -244,3 +245,41 @@ def test_a_plant_without_a_speed_has_no_crank() -> None:
     controller = PidController(gains=gains, low=0.0, high=60.0, sampling=CrankSynchronous(angle=math.pi))
     with pytest.raises(InvalidInputError, match="sampling by the crank's angle needs a speed in rad/s; the measurement is in kPa"):
         run_sampled_loop(plant, point, controller, SampledTask(command=signals.step(1.0), until=0.1), wires=OF_LINEAR_MODEL)
+
+
+def error_of_a_fast_lag(step: float, method: Method) -> float:
+    """Largest error of a sampled loop around a fast lag, its samples between the points of the mesh, against its closed form."""
+    model = replace(MODEL, denominator=(1.0, 0.05))
+    plant = linear_plant(model, base_input=BASE, base_output=REST)
+    point = OperatingPoint(states=np.zeros(len(plant.states)), inputs={"input": BASE}, measurement=REST)
+    gains = replace(GAINS, kp=0.05, ki=0.5, kd=0.0)
+    controller = PidController(gains=gains, low=-100.0, high=200.0, sampling=FixedRate(period=0.0173))
+    task = SampledTask(command=signals.step(10.0), until=0.5, step=step)
+    run = run_sampled_loop(plant, point, controller, task, wires=OF_LINEAR_MODEL, options=Options(method=method))
+    lag = ExactLag(0.05)
+    for time, value in zip(run.sampled.times, run.of_controller("control"), strict=True):
+        lag.drive(float(time), float(value))
+    return float(np.max(np.abs(run.output - [lag.output(t) for t in run.times])))
+
+
+def test_between_events_the_simulation_keeps_its_order() -> None:
+    errors = [error_of_a_fast_lag(step, STANDARD) for step in (0.002, 0.001)]
+    assert math.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.25)
+    assert errors[1] < 1e-7
+
+
+def test_without_meeting_outputs_that_come_back_delayed_the_order_is_lost() -> None:
+    """Negative control of the order: cubics that span the bends which a delay brings back."""
+    careless = [error_of_a_fast_lag(step, replace(STANDARD, propagation=Propagation.NONE)) for step in (0.002, 0.001)]
+    assert math.log2(careless[0] / careless[1]) < 1.5
+    assert careless[1] > 100.0 * error_of_a_fast_lag(0.001, STANDARD)
+
+
+def test_a_run_does_not_depend_on_how_it_is_cut() -> None:
+    controller = PidController(gains=GAINS, low=0.0, high=60.0, sampling=FixedRate(period=0.0173, computation_delay=0.004))
+    plant = linear_plant(MODEL, base_input=BASE, base_output=REST)
+    point = OperatingPoint(states=np.zeros(len(plant.states)), inputs={"input": BASE}, measurement=REST)
+    task = SampledTask(command=signals.step(10.0), until=1.0, step=2e-3, disturbance=Disturbance(noise=0.1, jitter=1e-4))
+    whole, cut = (run_sampled_loop(plant, point, controller, task, wires=OF_LINEAR_MODEL, options=Options(chunk=n)) for n in (10**6, 7))
+    assert whole.output.tobytes() == cut.output.tobytes()
+    assert whole.sampled.outputs.tobytes() == cut.sampled.outputs.tobytes()

@@ -124,8 +124,8 @@ def optimise(
     if not kept:
         raise _infeasible(problem, ends)
     best = min(kept, key=lambda end: end.cost)
-    best = min([best, *_search(problem, best.place, steps=STEPS, accuracy=1e-10)], key=lambda end: (end.violation > FEASIBLE, end.cost))
     alike = sum(end.cost <= (1.0 + AGREE) * best.cost for end in kept)
+    best = min([best, *_search(problem, best.place, steps=STEPS, accuracy=1e-10)], key=lambda end: (end.violation > FEASIBLE, end.cost))
     active, residual = _conditions(problem, best)
     return Optimum(
         terms=problem.unpack(best.place),
@@ -159,8 +159,10 @@ def _conditions(problem: Problem, best: Candidate) -> tuple[tuple[ActiveBound, .
     gradient = problem.slope(best.place)
     entries = constraint_values(problem, best.place)
     near = [entry for entry in entries if entry.value < 1e-4]
-    at_edge = [k for k, (low, _) in enumerate(problem.box) if best.place[k] - low < 1e-9]
-    columns = [entry.slope for entry in near] + [np.eye(best.place.size)[k] for k in at_edge]
+    inward = np.eye(best.place.size)
+    edges = [inward[k] for k, (low, _) in enumerate(problem.box) if best.place[k] - low < 1e-9]
+    edges += [-inward[k] for k, (_, high) in enumerate(problem.box) if high - best.place[k] < 1e-9]
+    columns = [entry.slope for entry in near] + edges
     if not columns:
         return (), float(np.linalg.norm(gradient) / max(best.cost, 1e-300))
     weights, left = nnls(np.stack(columns, axis=1), gradient)

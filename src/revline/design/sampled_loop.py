@@ -6,7 +6,7 @@ output is held. Source: Astrom and Wittenmark (1997), Computer-Controlled System
 
 import functools
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -197,7 +197,7 @@ def run_sampled_loop(
         controller: fixed-rate or crank-synchronous; a scheduled one reads its second signal from the plant's input of that name.
         task: what is asked.
         wires: which signals close the loop.
-        options: progress and interruption; storing is the task's.
+        options: method, progress and interruption; storing is the task's.
 
     Raises:
         InvalidInputError: signals are missing, the controller is continuous, its limits leave the input's range or exclude the trim, or
@@ -227,7 +227,7 @@ def run_sampled_loop(
         sampler,
         until=task.until,
         step=task.step,
-        options=Options(every=task.every, progress=options.progress, stopped=options.stopped),
+        options=replace(options, every=task.every),
     )
     record = found.trajectory
     return SampledRun(
