@@ -30,7 +30,8 @@ class Requirements:
     Attributes:
         overshoot: largest, as a fraction of the command's step.
         settling_time: longest, after either step, in s.
-        band: half width of the settling band: for the command as a fraction of its step, for the load of the deviation that it causes.
+        band: half width of the settling band: for the command as a fraction of its step, for the load of that or of the deviation that
+            it causes, whichever is larger.
         steady_error: largest at the end of each step, as a fraction of the command's step.
         droop: largest deviation after the step of the load, in the measurement's unit.
         gain_reserve_db: least factor to the onset of hunting, in dB.

@@ -93,7 +93,7 @@ def measure_run(run: SampledRun, probe: Probe, *, band: float, noise: float) -> 
     Args:
         run: from rest, under the probe.
         probe: what it went through.
-        band: half width of the settling band, as a fraction of what each step moves.
+        band: half width of the settling band, as a fraction of the command's step; after the load's, of the larger of that and the droop.
         noise: standard deviation of the measurement's noise.
     """
     target = run.start + probe.command
