@@ -16,11 +16,16 @@ from revline.design.acceptance_runs import Measures, Probe, measure_run, refuse_
 from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals, OperatingPoint, operating_point
 from revline.design.discrete_loop import DiscreteMargins, find_discrete_margins, sampled_plant_of_system
 from revline.design.gain_reserve import GainReserve, ReserveSearch, find_gain_reserve
+from revline.design.pid_controller import Continuous, PidController
+from revline.design.pid_update import sampled_pid
 from revline.design.sampled_loop import Disturbance, SampledTask, run_sampled_loop
-from revline.design.scheduled_pid import AnyController, ScheduledController
+from revline.design.scheduled_pid import AnyController, ScheduledController, law_of
 from revline.errors import InvalidInputError, SimulationError, out_of_range
 from revline.system import DelaySystem
 from revline.values import make_read_only
+
+MOST_SAMPLES = 1e6
+"""A run with more samples than this would take minutes."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -263,6 +268,8 @@ def accept(
     (nominal, plant), names = next(iter(plants.items())), tuple(plants)
     trims = {(name, k): find_trim(each, inputs=dict(place)) for name, each in plants.items() for k, place in enumerate(places)}
     points = {key: operating_point(trim, wires) for key, trim in trims.items()}
+    for trim in trims.values():  # what the controller cannot do at all is refused before anything is computed
+        _check_controller(law_of(controller), trim, battery, wires)
     linear = tuple(_linear_loop(plant, trims[nominal, k], controller, place, wires) for k, place in enumerate(places))
     skipped = {k for k, loop in enumerate(linear) if loop.verdict and battery.of_unstable is OfUnstable.SKIP}
     tasks: list[tuple[int, Case | None]] = []
@@ -285,6 +292,20 @@ def accept(
     reasons += [f"{run.case.text}: {reason}" for run in runs for reason in run.reasons]
     reasons += [text for reserve in reserves for text in _judge_reserve(reserve, battery.requirements)]
     return Acceptance(controller=controller, battery=battery, runs=runs, reserves=reserves, linear=linear, reasons=tuple(reasons))
+
+
+def _check_controller(controller: PidController, trim: Trim, battery: Battery, wires: LoopSignals) -> None:
+    """Refuse a controller that is continuous, cannot rest at a trim, or samples too often to be run.
+
+    Raises:
+        InvalidInputError: it is so.
+    """
+    measurement = trim.output(wires.measurement)
+    sampled_pid(controller, output=trim.input(wires.drive), measurement=measurement)
+    sampling = controller.sampling
+    if not isinstance(sampling, Continuous) and battery.until / sampling.period_at(measurement) > MOST_SAMPLES:
+        limit = f"{battery.until / MOST_SAMPLES:.3g} s and above for runs of {battery.until:g} s"
+        raise out_of_range("sampling period", sampling.period_at(measurement), "s", limit, "sample more slowly, or run it shorter")
 
 
 def _linear_loop(plant: DelaySystem, trim: Trim, controller: AnyController, place: Mapping[str, float], wires: LoopSignals) -> LinearLoop:

@@ -128,8 +128,8 @@ def find_discrete_margins(plant: SampledPlant, controller: PidController, *, spe
         speed: in rad/s, for sampling by the crank's angle.
 
     Raises:
-        InvalidInputError: the controller is continuous, units differ, no speed is given where one is needed, or the sampling period is so
-            long that the sum over aliases does not settle.
+        InvalidInputError: the controller is continuous or has no gain, units differ, no speed is given where one is needed, or the sampling
+            period is so long that the sum over aliases does not settle.
         NotConvergedError: the loop cannot be followed: it has a root on the unit circle.
     """
     period, computation = _timing(controller, speed)
@@ -140,6 +140,9 @@ def find_discrete_margins(plant: SampledPlant, controller: PidController, *, spe
         if ours != theirs:
             message = f"the controller has {what} in {ours} and {plant.name} in {theirs}; convert the gains"
             raise InvalidInputError(message)
+    if controller.gains.kp == controller.gains.ki == controller.gains.kd == 0.0:
+        message = f"all gains of {controller.gains.rule} are 0, so that there is no loop and no margin; give a gain"
+        raise InvalidInputError(message)
     loop = SampledLoop(plant.transfer, controller, period, computation)
     half = math.pi / period
     start = np.concatenate([np.geomspace(LOWEST_SHARE * half, 0.1 * half, 120), np.linspace(0.1 * half, half * (1.0 - 1e-9), 120)[1:]])
