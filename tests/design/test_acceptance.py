@@ -12,7 +12,7 @@ from revline.design.acceptance import Acceptance, Battery, Kind, OfUnstable, Req
 from revline.design.acceptance_runs import Probe, measure_run
 from revline.design.closed_loop import operating_point
 from revline.design.controller import PidGains
-from revline.design.gain_reserve import ReserveSearch, find_gain_reserve
+from revline.design.gain_reserve import RESOLUTION, GainReserve, ReserveSearch, fades, find_gain_reserve
 from revline.design.pid_controller import PidController
 from revline.design.sampled_loop import Disturbance, SampledTask, run_sampled_loop
 from revline.engine.lee1995 import lee1995
@@ -148,3 +148,28 @@ def test_the_spread_changes_one_parameter_at_a_time() -> None:
 def test_what_cannot_be_judged_is_refused(make: Any, message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
         make()
+
+
+@pytest.mark.parametrize("share", [0.6, 0.8, 0.9, 0.94])
+def test_swings_that_fall_evenly_fade_and_those_that_slow_down_do_not(share: float) -> None:
+    """A geometric decay fades; one to a limit cycle of half the last swing, and that of an onset as t^-1/2, do not."""
+    even = [share**k for k in range(3)]
+    assert fades(*even)
+    assert not fades(*(share**2 + swing for swing in even))
+    assert not fades(*(1.0 / math.sqrt(t) for t in (2.5, 3.5, 4.5)))
+    assert not fades(*(0.97**k for k in range(3)))
+
+
+def test_a_reserve_is_found_from_anywhere_it_is_expected_and_by_fewer_runs_where_it_is() -> None:
+    engine, point = lee1995(), operating_point(find_trim(lee1995(), inputs={"throttle": 25.0, "load_torque": 0.0}))
+
+    def find(near: float | None) -> GainReserve:
+        search = ReserveSearch(command=0.1, near=near)
+        return find_gain_reserve(engine, point, sampled(C2D, 0.01), search, place={})
+
+    blind = find(None)
+    for near in (1.5 * blind.factor, 0.93 * blind.factor, 1e-3, blind.factor):
+        found = find(near)
+        assert found.factor < RESOLUTION * blind.hunts
+        assert blind.factor < RESOLUTION * found.hunts
+    assert found.runs < blind.runs

@@ -70,7 +70,7 @@ def test_the_engine_under_a_relay_is_foretold_by_its_exact_model_and_off_its_ult
     assert found.sampled.gain == pytest.approx(2.064, abs=2e-3)
     assert found.bisection.source is UltimateSource.BISECTION
     assert re.match(r"the relay reads -6\.[78] % off the exact gain: -6\.8 % because its square wave has harmonics", found.reasons[0])
-    assert re.match(r"the bisection is -2\.\d % off: -2\.0 % because its loop samples every 1 ms", found.reasons[1])
+    assert re.match(r"the bisection is -[12]\.\d % off: -2\.0 % because its loop samples every 1 ms", found.reasons[1])
 
 
 def test_a_large_relay_shows_the_engines_nonlinearity() -> None:

@@ -173,6 +173,12 @@ class LinearLoop:
     delay: float
 
     @property
+    def gain_margin(self) -> float | None:
+        """By which factor all gains may rise; nothing where there is no such limit."""
+        rise = self.margins.margins.gain_rise
+        return None if rise is None else rise.gain_margin
+
+    @property
     def warning(self) -> str:
         """What is unusual about it; empty where nothing is."""
         if self.margins.period <= self.delay:
@@ -281,7 +287,7 @@ def accept(
     def work(task: tuple[int, Case | None], _: Callable[[float], None]) -> AcceptanceRun | GainReserve:
         k, case = task
         if case is None:
-            search = ReserveSearch(command=battery.command, until=battery.until, step=battery.step)
+            search = ReserveSearch(command=battery.command, until=battery.until, step=battery.step, near=linear[k].gain_margin)
             return find_gain_reserve(plant, points[nominal, k], controller, search, place=places[k], wires=wires)
         return _run(plants[case.plant], points[case.plant, k], controller, case, battery, wires)
 

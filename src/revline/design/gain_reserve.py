@@ -28,12 +28,22 @@ RESOLUTION = 1.01
 QUIET = 1e-3
 """A loop that moves by less than this part of the command in the last fifth of its run is at rest."""
 
+NEARBY, FIRST_PACE = 1.006, 1.009
+"""Hunting is looked for first at the expected factor over `NEARBY`, then away from there in steps that begin with `FIRST_PACE`: where it
+begins as expected, two runs tell within the resolution, and neither is at the very edge."""
+
 LENGTHENED = 2
 """A run that does not tell is made again, twice as long, so many times."""
 
 
 FADING = 0.5
 """A loop whose swing falls below this part of itself from one fifth of its run to the next comes to rest."""
+
+DECAYS, NO_SLOWER = 0.95, 1.04
+"""A loop rests too whose swing falls below `DECAYS` of itself, and by a share at most `NO_SLOWER` times smaller than before.
+
+A decay towards a limit cycle slows down and is run longer: swings c + a q^k pass only where c is below 0.4 of the last one.
+"""
 
 STEADY = 0.98
 """In the longest run, a swing that keeps more than this part of itself is hunting."""
@@ -48,11 +58,20 @@ class Ending(Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReserveSearch:
-    """How hunting is looked for: the size of the command's step, the length of a run and the step of the simulation, in s."""
+    """How hunting is looked for.
+
+    Attributes:
+        command: size of its step.
+        until: length of a run, in s.
+        step: of the simulation, in s.
+        near: factor at which hunting is expected to begin, for example the gain margin of the exact linear loop; it saves runs and
+            decides nothing.
+    """
 
     command: float
     until: Seconds = 10.0
     step: Seconds = 1e-3
+    near: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,7 +135,7 @@ def find_gain_reserve(
         period = found if ending is Ending.HUNTS else period
         return ending
 
-    rests, hunts = _bracket(tries)
+    rests, hunts = _bracket(tries, search.near)
     while rests > 0.0 and math.isfinite(hunts) and hunts > RESOLUTION * rests:
         middle = math.sqrt(rests * hunts)
         if tries(middle) is Ending.RESTS:
@@ -126,15 +145,35 @@ def find_gain_reserve(
     return GainReserve(place=place, factor=rests, hunts=hunts, period=period, runs=runs)
 
 
-def _bracket(tries: Callable[[float], Ending]) -> tuple[float, float]:
-    """Double or halve the factor until one rests and one hunts; 0 or infinity where none does within what is tried."""
-    rests, hunts, factor = 0.0, math.inf, 1.0
-    while not (rests > 0.0 and math.isfinite(hunts)) and 1.0 / LARGEST <= factor <= LARGEST:
-        if tries(factor) is Ending.RESTS:
-            rests, factor = factor, 2.0 * factor
-        else:
-            hunts, factor = factor, factor / 2.0
-    return rests, hunts
+def _bracket(tries: Callable[[float], Ending], near: float | None) -> tuple[float, float]:
+    """Change the factor until one rests and one hunts; 0 or infinity where none does within what is tried.
+
+    The loop's own gains come first, then the factor at which hunting is expected to begin, then more or less in growing steps.
+    """
+    if tries(1.0) is Ending.HUNTS:
+        return _fall(tries, 1.0, 2.0)
+    if near is None or not NEARBY < near < LARGEST:
+        return _rise(tries, 1.0, 2.0)
+    if tries(near / NEARBY) is Ending.RESTS:
+        return _rise(tries, near / NEARBY, FIRST_PACE)
+    rests, hunts = _fall(tries, near / NEARBY, FIRST_PACE, least=1.0)
+    return max(rests, 1.0), hunts
+
+
+def _rise(tries: Callable[[float], Ending], rests: float, pace: float) -> tuple[float, float]:
+    while rests * pace <= LARGEST:
+        if tries(rests * pace) is Ending.HUNTS:
+            return rests, rests * pace
+        rests, pace = rests * pace, min(2.0, pace * pace)
+    return rests, math.inf
+
+
+def _fall(tries: Callable[[float], Ending], hunts: float, pace: float, least: float = 1.0 / LARGEST) -> tuple[float, float]:
+    while hunts / pace >= least:
+        if tries(hunts / pace) is Ending.RESTS:
+            return hunts / pace, hunts
+        hunts, pace = hunts / pace, min(2.0, pace * pace)
+    return 0.0, hunts
 
 
 def _ending(
@@ -146,8 +185,8 @@ def _ending(
         run = _try(plant, point, controller, replace(search, until=until), wires)
         if run is None:
             return Ending.HUNTS, math.inf
-        before, last = _swings(run)[-2:].tolist()
-        if last <= QUIET * abs(search.command) + 2.0 * law_of(controller).measurement_step or last < FADING * before:
+        first, before, last = _swings(run)[-3:].tolist()
+        if last <= QUIET * abs(search.command) + 2.0 * law_of(controller).measurement_step or fades(first, before, last):
             return Ending.RESTS, math.inf
         if last >= before and math.isfinite(_period(run)):
             return Ending.HUNTS, _period(run)
@@ -158,6 +197,19 @@ def _ending(
     before, last = _swings(run)[-2:].tolist()
     hunts = last > STEADY * before and math.isfinite(_period(run))  # what creeps without oscillating does not hunt
     return (Ending.HUNTS, _period(run)) if hunts else (Ending.RESTS, math.inf)
+
+
+def fades(first: float, before: float, last: float) -> bool:
+    """Whether swings in equal spans, one after the other, go to none: they fall fast, or fall and do not slow down.
+
+    Args:
+        first: range of the output in the first of three spans.
+        before: in the second.
+        last: in the third.
+    """
+    if last < FADING * before:
+        return True
+    return last <= DECAYS * before and (first - before) * before <= NO_SLOWER * (before - last) * first
 
 
 def _try(

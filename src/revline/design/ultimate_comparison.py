@@ -117,7 +117,9 @@ def compare_ultimate_points(
         message = f"the loop of {plant.name} sampled every {sampling_period:g} s has no ultimate gain above {begin:g}; sample faster"
         raise AnalysisError(message)
     sampled = UltimatePoint(gain=begin * rise.gain_margin, period=2.0 * math.pi / rise.frequency, source=UltimateSource.EXACT)
-    bisected = find_gain_reserve(plant, point, controller, ReserveSearch(command=command), place=dict(point.inputs), wires=wires)
+    bisected = find_gain_reserve(
+        plant, point, controller, ReserveSearch(command=command, near=rise.gain_margin), place=dict(point.inputs), wires=wires
+    )
     return UltimateComparison(
         exact=exact,
         sampled=sampled,
