@@ -1,5 +1,3 @@
-from types import MappingProxyType
-
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -29,4 +27,4 @@ def test_controllers_stand_beside_their_optimum_with_units() -> None:
     shown = [float(np.ravel(line.get_ydata())[0]) for line in plane.lines[:2]]
     assert shown == [found.competitors[0].cost.load, found.competitors[0].optimum.cost]
     with pytest.raises(InvalidInputError, match="there is no controller beside an optimum to draw"):
-        plot_comparison(Comparison(plant="none", competitors=(), left_out=MappingProxyType({})), grid)
+        plot_comparison(Comparison(plant="none", competitors=(), left_out=()), grid)

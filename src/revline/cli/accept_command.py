@@ -11,10 +11,12 @@ from revline import __version__
 from revline.cli.controllers import TimingChoice, own_limits, read_any_controller
 from revline.cli.loop_command import throttle_limits
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, OutOption, QuietOption
+from revline.cli.plots import PlotOption, check_plot, write_plot
 from revline.cli.shell import Facts, Grid, Shell
 
 if TYPE_CHECKING:
     from revline.design.acceptance import Acceptance, Battery
+    from revline.design.acceptance_summary import PlaceSummary
     from revline.design.scheduled_pid import AnyController
     from revline.system import DelaySystem
 
@@ -90,6 +92,7 @@ def accept(
     workers: WorkersOption = 2,
     engine: EngineOption = DEFAULT_ENGINE,
     out: OutOption = None,
+    plot: PlotOption = None,
     json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -105,7 +108,8 @@ def accept(
     from revline.io.json_files import format_json
 
     shell = Shell(json=json, quiet=quiet)
-    shell.prepare(out, "acceptance")
+    check_plot(plot)
+    shell.prepare_each((out, "acceptance"), (plot, "figure"))
     battery = _battery((command, load_step, until), (noise, jitter, seed), (max_overshoot, max_settling, max_droop, min_reserve))
     battery = _with_unstable(battery) if run_unstable else battery
     plant = load_engine(engine)
@@ -115,8 +119,18 @@ def accept(
         found = accept(plants, judged, _places(throttle, load), battery, workers=workers, progress=progress)
     record = acceptance_record(found, engine=plant.name, provenance={"program": f"revline {__version__}", "controller": controller.name})
     shell.write(out, format_json(record), "acceptance")
+    _draw(plot, found)
     shell.warn(*(text for loop in found.linear for text in (loop.verdict, loop.warning) if text))
     shell.show(record, *_parts(found), text_on=out)
+
+
+def _draw(plot: Path | None, found: "Acceptance") -> None:
+    if plot is None:
+        return
+    from revline.design.acceptance_summary import summarise_acceptance
+    from revline.report.acceptance import plot_acceptance
+
+    write_plot(plot, plot_acceptance(summarise_acceptance(found)), "accept")
 
 
 def _battery(
@@ -169,45 +183,42 @@ def _controller(
 
 
 def _parts(found: "Acceptance") -> list[Facts | Grid | str]:
-    from revline.design.scheduled_pid import law_of
+    from revline.design.acceptance_summary import summarise_acceptance
 
-    rows = [
-        ("verdict", "passed" if found.passed else "failed", ""),
-        ("runs", float(len(found.runs)), ""),
-        ("runs that kept everything", float(sum(run.passed for run in found.runs)), ""),
+    short = summarise_acceptance(found)
+    rows: list[tuple[str, float | str, str]] = [
+        ("verdict", "passed" if short.passed else "failed", ""),
+        ("runs", float(short.runs), ""),
+        ("runs that kept everything", float(short.kept), ""),
     ]
     if found.reserves:
         rows.append(("least gain reserve", found.gain_reserve_db, "dB"))
-    reserves = {tuple(r.place.items()): r for r in found.reserves}
-    table = [
-        (
-            *(f"{value:g}" for value in loop.place.values()),
-            f"{loop.margins.margins.sensitivity.value:.3f}" if loop.margins.margins.stable else "unstable",
-            f"{reserves[key].decibels:.2f}" if (key := tuple(loop.place.items())) in reserves else "not run",
-            *_worst(found, loop.place),
-        )
-        for loop in found.linear
-    ]
     heads = ("throttle [deg]", "load [N m]", "Ms", "reserve [dB]", "overshoot", "settling [s]", "droop [rad/s]", "travel [deg]")
     reasons = [f"- {reason}" for reason in found.reasons[:SHOWN]]
     if len(found.reasons) > SHOWN:
         reasons.append(f"- and {len(found.reasons) - SHOWN} more; --json lists all")
-    return [Facts(f"Acceptance of {law_of(found.controller).gains.rule}", rows), Grid("Worst of all runs", heads, table), *reasons]
+    table = [_row(place) for place in short.places]
+    return [Facts(f"Acceptance of {short.controller}", rows), Grid("Worst of all runs", heads, table), *reasons]
 
 
 SHOWN = 12
 """So many reasons are shown."""
 
 
-def _worst(found: "Acceptance", place: object) -> tuple[str, str, str, str]:
-    """Largest measures of the runs at a place."""
-    runs = [run.measures for run in found.runs if run.case.place == place and run.measures is not None]
-    if not runs:
-        return ("", "", "", "")
-    settling = max(max(m.command_settling_time, m.load_settling_time) for m in runs)
+def _row(place: "PlaceSummary") -> tuple[str, ...]:
+    """A place, and the largest measures of its runs."""
+    head = (
+        *(f"{value:g}" for _, value in place.place),
+        f"{place.ms[0]:.3f}" if place.ms else "unstable",
+        f"{place.reserve_db[0]:.2f}" if place.reserve_db else "not run",
+    )
+    if not place.kinds:
+        return (*head, "", "", "", "")
+    settling = float(place.settling.max())
     return (
-        f"{max(m.overshoot for m in runs):.3f}",
+        *head,
+        f"{place.overshoot.max():.3f}",
         f"{settling:.2f}" if settling < float("inf") else "never",
-        f"{max(m.droop for m in runs):.2f}",
-        f"{max(m.travel for m in runs):.1f}",
+        f"{place.droop.max():.2f}",
+        f"{place.travel.max():.1f}",
     )

@@ -94,7 +94,7 @@ def mid_ranging(
     if plot is not None:
         from revline.report.mid_ranging import plot_load_steps
 
-        write_plot(plot, plot_load_steps(found), "mid-ranging")
+        write_plot(plot, plot_load_steps(found.own.runs), "mid-ranging")
     title = f"Mid-ranging on {system.name} at {throttle:g} deg, {load:g} N m, spark {design.reserve.rest:g} deg"
     shell.show(mid_ranging_record(found), *_parts(found, title), text_on=out)
 

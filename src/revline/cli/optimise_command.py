@@ -196,4 +196,4 @@ def _comparison_parts(found: "Comparison") -> list[Facts | Grid | str]:
         for one in found.competitors
     ]
     title = f"Load error on {found.plant}, of controllers and of the optimum with their Ms and set-point error as bounds"
-    return [Grid(title, heads, rows), *(f"not {name}: {reason}" for name, reason in found.left_out.items())]
+    return [Grid(title, heads, rows), *(f"not {one.name}: {one.reason}" for one in found.left_out)]

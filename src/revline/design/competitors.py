@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
+from typing import NamedTuple
 
 from revline.design.controller import PidGains
 from revline.design.loop_cost import Cost, LoopGrid, Terms
@@ -37,6 +37,13 @@ class Competitor:
         return self.optimum.cost / self.cost.load
 
 
+class Unmatched(NamedTuple):
+    """A controller that no optimum could be held against, and why."""
+
+    name: str
+    reason: str
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Comparison:
     """Controllers held against the optimum.
@@ -44,12 +51,12 @@ class Comparison:
     Attributes:
         plant: its name.
         competitors: those that could be.
-        left_out: the others by name, each with its reason.
+        left_out: the others, each with its reason.
     """
 
     plant: str
     competitors: tuple[Competitor, ...]
-    left_out: Mapping[str, str]
+    left_out: tuple[Unmatched, ...]
 
 
 def compare_with_competitors(plant: TuningPlant, grid: LoopGrid, scale: Scale, rivals: Mapping[str, PidGains]) -> Comparison:
@@ -64,13 +71,13 @@ def compare_with_competitors(plant: TuningPlant, grid: LoopGrid, scale: Scale, r
         scale: from `find_scale`.
         rivals: controllers by name.
     """
-    found, left_out = [], {}
+    found, left_out = [], []
     for name, gains in rivals.items():
         try:
             found.append(_compete(plant, grid, scale, name, gains))
         except RevlineError as error:
-            left_out[name] = str(error)
-    return Comparison(plant=plant.name, competitors=tuple(found), left_out=MappingProxyType(left_out))
+            left_out.append(Unmatched(name, str(error)))
+    return Comparison(plant=plant.name, competitors=tuple(found), left_out=tuple(left_out))
 
 
 def _compete(plant: TuningPlant, grid: LoopGrid, scale: Scale, name: str, gains: PidGains) -> Competitor:

@@ -51,6 +51,11 @@ class PlantComparison:
     both: LoadStepRun | StalledRun
     alone: LoadStepRun | StalledRun
 
+    @property
+    def runs(self) -> tuple[LoadStepRun | StalledRun, LoadStepRun | StalledRun]:
+        """What both controllers did."""
+        return self.both, self.alone
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class MidRangingComparison:
@@ -87,7 +92,7 @@ class MidRangingComparison:
                 found.append(f"{plant.name}: the linear loop is unstable, with both inputs or with {self.design.signals.fast} at its limit")
             if not plant.margins.loops["slow alone"].stable:
                 found.append(f"{plant.name}: the linear loop of {self.design.signals.slow} alone is unstable")
-            for run in (plant.both, plant.alone):
+            for run in plant.runs:
                 found += [f"{plant.name}, {run.name}: {text}" for text in _remarks(run, self.design)]
         return tuple(found)
 

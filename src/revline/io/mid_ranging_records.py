@@ -145,7 +145,7 @@ def describe_runs(found: MidRangingComparison) -> list[tuple[str, ...]]:
     """Give all runs as rows of text: plant, controller and measures."""
     rows: list[tuple[str, ...]] = []
     for plant in found.plants:
-        for run in (plant.both, plant.alone):
+        for run in plant.runs:
             if isinstance(run, StalledRun):
                 rows.append((plant.name, run.name, f"stalls at {run.stalled.time:.3g} s", *[""] * 6))
                 continue

@@ -61,7 +61,7 @@ def comparison_record(found: Comparison, *, provenance: Mapping[str, float | str
         "schema": SCHEMA,
         "plant": found.plant,
         "competitors": [_competitor(one) for one in found.competitors],
-        "left_out": [{"name": name, "reason": reason} for name, reason in found.left_out.items()],
+        "left_out": [one._asdict() for one in found.left_out],
         "provenance": provenance,
     }
 

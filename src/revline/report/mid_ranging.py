@@ -1,11 +1,11 @@
 """Steps of the load under two inputs beside one: the speed, what the spark does at once, and what the throttle takes over."""
 
+from collections.abc import Sequence
 from typing import Final
 
 from matplotlib.figure import Figure
 
-from revline.design.load_steps import LoadStepRun
-from revline.design.mid_ranging_comparison import MidRangingComparison
+from revline.design.load_steps import LoadStepRun, StalledRun
 from revline.errors import InvalidInputError
 from revline.report.parts import Level, draw_curve, draw_levels
 from revline.report.style import (
@@ -27,19 +27,19 @@ SHOWN: Final = 2.0
 
 
 @drawn
-def plot_load_steps(found: MidRangingComparison) -> Figure:
-    """Draw both runs on the design's own plant: speed, spark and throttle below each other, limits dashed.
+def plot_load_steps(compared: Sequence[LoadStepRun | StalledRun]) -> Figure:
+    """Draw runs after the same step of the load: speed, spark and throttle below each other, limits dashed.
+
+    Args:
+        compared: one run or two; what stalled is not drawn.
 
     Raises:
         InvalidInputError: both stalled, so that there is nothing to draw.
     """
-    runs = [
-        (run, look)
-        for run, look in ((found.own.both, Look(BLUE, "-")), (found.own.alone, Look(VERMILION, "--")))
-        if isinstance(run, LoadStepRun)
-    ]
+    looks = (Look(BLUE, "-"), Look(VERMILION, "--"))
+    runs = [(run, look) for run, look in zip(compared, looks, strict=False) if isinstance(run, LoadStepRun)]
     if not runs:
-        message = "both loops stalled, so that there is nothing to draw; give a smaller step of the load"
+        message = "all loops stalled, so that there is nothing to draw; give a smaller step of the load"
         raise InvalidInputError(message)
     figure = new_figure(height=TALL)
     top, middle, bottom = figure.subplots(3, 1, sharex=True)
@@ -53,7 +53,8 @@ def plot_load_steps(found: MidRangingComparison) -> Figure:
     label_axes(middle, None, Quantity("spark", "deg"))
     label_axes(bottom, TIME, Quantity("throttle", "deg"))
     needed = [time for run, _ in runs for time in (run.settling_time, run.return_time) if time is not None]
-    bottom.set_xlim(0.0, min(found.task.until, max(1.0, SHOWN * max(needed, default=found.task.until))))
+    until = first.task.until
+    bottom.set_xlim(0.0, min(until, max(1.0, SHOWN * max(needed, default=until))))
     add_legend(figure, columns=2)
     finish_layout(figure)
     return figure
