@@ -168,8 +168,7 @@ def test_a_reserve_is_found_from_anywhere_it_is_expected_and_by_fewer_runs_where
         return find_gain_reserve(engine, point, sampled(C2D, 0.01), search, place={})
 
     blind = find(None)
-    for near in (1.5 * blind.factor, 0.93 * blind.factor, 1e-3, blind.factor):
-        found = find(near)
+    for found in map(find, (1.5 * blind.factor, 0.93 * blind.factor, 1e-3)):
         assert found.factor < RESOLUTION * blind.hunts
         assert blind.factor < RESOLUTION * found.hunts
-    assert found.runs < blind.runs
+    assert find(blind.factor).runs < blind.runs

@@ -49,7 +49,7 @@ def mid_ranging_record(found: MidRangingComparison) -> Mapping[str, object]:
         "throttle_alone": {"kp": alone.kp, "ki": alone.ki, "kd": alone.kd},
         "load_step_n_m": found.task.size,
         "until_s": found.task.until,
-        "plants": [_plant(entry) for entry in found.plants],
+        "plants": [plant_fields(entry) for entry in found.plants],
         "warnings": list(found.all_warnings()),
     }
 
@@ -60,7 +60,8 @@ def _speed(found: MidRangingComparison) -> float:
     return float(design.linear.arguments[names.index(design.signals.measurement)])
 
 
-def _plant(entry: PlantComparison) -> dict[str, object]:
+def plant_fields(entry: PlantComparison) -> dict[str, object]:
+    """Give margins and runs on one plant as fields of a record."""
     return {
         "name": entry.name,
         "stable": entry.margins.stable,

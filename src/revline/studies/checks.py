@@ -11,6 +11,7 @@ from revline.studies.config import StudyConfig, read_table_4_1
 from revline.studies.results import title
 from revline.studies.routes import route_measures
 from revline.studies.stability_results import AT_START, AT_TARGET
+from revline.studies.trials import SCHEDULE
 
 if TYPE_CHECKING:
     from revline.studies.results import ModelsResult
@@ -75,7 +76,7 @@ def check_study(config: StudyConfig, results: "StudyResults") -> tuple[Check, ..
     own = tuple(_own_checks(config, results))
     if not config.asks_what_the_thesis_asked:
         return own
-    parts = (_point_checks, _response_checks, _model_checks, _controller_checks, _loop_checks, _stability_checks)
+    parts = (_point_checks, _response_checks, _model_checks, _controller_checks, _loop_checks, _stability_checks, _design_checks)
     return own + tuple(check for part in parts for check in part(results))
 
 
@@ -99,6 +100,14 @@ def _own_checks(config: StudyConfig, results: "StudyResults") -> Iterator[Check]
         yield _check(name, measured, expected, tolerance)
     gain = abs(results.models.fit("g2").fit.model.static_gain / results.point.gain - 1.0)
     yield _check("static gain of G2 over that of the engine, less one", gain, 0.0, 0.02)
+    compared = results.rivals.compared.competitors
+    if compared:
+        worst = max(one.ratio for one in compared)
+        yield _check("largest load error of an optimum over its controller's, less one where above", max(0.0, worst - 1.0), 0.0, 1e-3)
+        gap = max(abs(one.margins.sensitivity.value - float(one.optimum.costs[0].sensitivity.max())) for one in compared)
+        yield _check("largest difference of an optimum's Ms to that of its exact loop", gap, 0.0, 0.01)
+    for schedule in results.operating_map.schedule:
+        yield _check("highest Ms of the schedule above its bound", max(0.0, schedule.worst - schedule.peak), 0.0, 0.0)
     for spectrum in results.spectra:
         distance = spectrum.offset / spectrum.spectrum.resolution
         yield _check(f"spectral peak at {spectrum.omega:g} rad/s off the input's frequency, in resolutions", distance, 0.0, 1.0)
@@ -247,3 +256,22 @@ def _stability_checks(results: "StudyResults") -> Iterator[Check]:
     yield _check("limit cycles computed as orbits", len(results.hunting.cycles), 2.0, 0.0)
     yield _check("onsets of hunting found", len(results.hunting.onsets), 1.0, 0.0)
     yield _check("models compared with the engine by the nu-gap", len(results.distance.rows), 8.0, 0.0)
+
+
+def _design_checks(results: "StudyResults") -> Iterator[Check]:
+    """The ultimate gain of the engine of Lee (1995), recomputed; C2d and Ziegler-Nichols leave something to gain; the schedule holds."""
+    beaten = {one.name for one in results.rivals.beaten}
+    for name in ("C2d", "ziegler-nichols", "ziegler-nichols-ultimate"):
+        yield _check(f"{name}: the optimum has the lower load error (1) or not (0)", float(name in beaten), 1.0, 0.0)
+    for found in results.rivals.ultimate:
+        yield _check("ultimate gain of the exact linear model", found.exact.gain, 2.1064, 2e-4, found.unit)
+        yield _check(
+            "ultimate gain by the relay over what its exact model reads", found.relay.ultimate.gain / found.predicted.gain, 1.0, 3e-3
+        )
+        yield _check("ultimate gain by bisection over the exact one, sampled", found.bisection.gain / found.sampled.gain, 1.0, 0.01)
+    for name, passes in (("c2d", False), ("optimum", True), (SCHEDULE, True)):
+        trial = results.trials.trial(name)
+        passed = trial is not None and trial.summary.passed
+        yield _check(f"{name}: passes the acceptance (1) or not (0)", float(passed), float(passes), 0.0)
+    drawn = float(results.two_inputs.is_drawn)
+    yield _check("load steps with two inputs run to their end (1) or not (0)", drawn, 1.0, 0.0)

@@ -28,10 +28,13 @@ NUMBERS = (
     ("overshoot_limit", "1"),
     ("command_rad_s", "rad/s"),
 )
-LISTS = ("frequencies_rad_s", "spectrum_frequencies_rad_s", "steps_deg")
+LISTS = ("frequencies_rad_s", "spectrum_frequencies_rad_s", "steps_deg", "map_throttle_deg", "map_load_n_m")
 BUILT_IN = "lee1995"
 SPECTRA = 6
 """How many spectra a study has: each has its figure."""
+
+MAP_LINES = 20
+"""How many angles and loads the map may have."""
 
 WIDE_OPEN = 90.0
 """Throttle angle in deg beyond which there is none."""
@@ -61,6 +64,7 @@ class StudyConfig:
         command_rad_s: step of the speed command; 0 for what the amplitude of the throttle is worth, to two digits.
         steps_deg: throttle steps, up or down.
         spectrum_frequencies, frequencies: in rad/s.
+        map_throttle_deg, map_load_n_m: operating points, each angle with each load, over which gains must hold.
     """
 
     engine: str = BUILT_IN
@@ -75,6 +79,8 @@ class StudyConfig:
     steps_deg: tuple[float, ...] = (5.0, 10.0)
     spectrum_frequencies: tuple[float, ...] = (0.01, 0.05, 0.5, 5.0, 20.0, 50.0)
     frequencies: tuple[float, ...] = field(default_factory=lambda: tuple(row["frequency_rad_s"] for row in read_table_4_1()))
+    map_throttle_deg: tuple[float, ...] = (14.0, 17.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0)
+    map_load_n_m: tuple[float, ...] = (0.0, 10.0, 20.0, 30.0, 40.0)
 
     def __post_init__(self) -> None:
         for name, low, high in (
@@ -91,6 +97,7 @@ class StudyConfig:
             if not (math.isfinite(value) and low <= value <= high):
                 raise out_of_range(f"study.{name}", value, dict(NUMBERS)[name], f"{low:g} to {high:g}", "mend the study file")
         self._check_angles()
+        self._check_map()
         _check_rising("frequencies_rad_s", self.frequencies, 8, math.inf, "at least 8 rising frequencies above 0 rad/s")
         asked = f"{SPECTRA} rising frequencies above 0 rad/s, one for each of Figs 4.4 to 4.9"
         _check_rising("spectrum_frequencies_rad_s", self.spectrum_frequencies, SPECTRA, SPECTRA, asked)
@@ -111,6 +118,15 @@ class StudyConfig:
         if not self.steps_deg or 0.0 in self.steps_deg or len(set(self.steps_deg)) < len(self.steps_deg):
             message = "study.steps_deg must be at least one throttle step, none of them 0 and none twice"
             raise InvalidInputError(message, quantity="study.steps_deg")
+
+    def _check_map(self) -> None:
+        """Refuse a map that is none."""
+        for name, low, high, unit in (("map_throttle_deg", 0.0, WIDE_OPEN, "deg"), ("map_load_n_m", -1e4, 1e4, "N m")):
+            values = np.array(getattr(self, name), dtype=float)
+            inside = np.isfinite(values).all() and low <= np.min(values, initial=high) and np.max(values, initial=low) <= high
+            if not (2 <= values.size <= MAP_LINES and inside and np.all(np.diff(values) > 0.0)):
+                message = f"study.{name} must be 2 to {MAP_LINES} rising values from {low:g} to {high:g} {unit}"
+                raise InvalidInputError(message, quantity=f"study.{name}")
 
     @property
     def is_the_thesis(self) -> bool:

@@ -20,6 +20,7 @@ from revline.report.inline import Text, marked
 from revline.report.numbers import format_number
 from revline.studies import content_loops, content_models
 from revline.studies.config import StudyConfig
+from revline.studies.content_design import design_section
 from revline.studies.content_engine import engine_section
 from revline.studies.content_hunting import hunting_section, range_blocks
 from revline.studies.content_stability import stability_section
@@ -50,6 +51,7 @@ def make_document(material: Material) -> Document:
         content_loops.loops_section,
         stability_section,
         hunting_section,
+        design_section,
         content_loops.errors_section,
         _guidelines,
         _checks,

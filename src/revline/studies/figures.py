@@ -34,7 +34,7 @@ from revline.studies.figure_call import FigureCall, to_draw
 from revline.studies.results import ErrorRecord, Floats, LoopRow, TimeRecord, title
 from revline.studies.routes import FIGURE as ROUTE_FIGURE
 from revline.studies.routes import ROUTE_AXES, route_curves
-from revline.studies.stability_figures import hunting_figures, region_figures
+from revline.studies.stability_figures import design_figures, hunting_figures, region_figures
 from revline.studies.steps import table_response
 from revline.studies.study_results import StudyResults
 from revline.system import DelaySystem
@@ -65,6 +65,7 @@ def figure_calls(config: StudyConfig, engine: DelaySystem, results: StudyResults
         **_errors(results),
         **region_figures(results),
         **hunting_figures(results),
+        **design_figures(results),
     }
 
 

@@ -7,8 +7,10 @@ from revline.design.closed_loop import LoopRun, describe_outcome
 from revline.design.gain_rays import GainLimit, NoGainLimit, find_gain_limit
 from revline.design.loop_family import family_of_model, family_of_system
 from revline.design.outcome import Stalled
+from revline.studies.operating_map import box_words
 from revline.studies.results import title
 from revline.studies.study_results import StudyResults
+from revline.studies.trials import PERIOD, SPREAD, trial_words
 from revline.studies.words import misses, outcome_text
 from revline.system import DelaySystem
 
@@ -71,11 +73,21 @@ def _sentences(engine: DelaySystem, results: StudyResults) -> Iterator[str]:
         if results.errors.equal_frequency > 0.0
         else f"Use the model with its delay of {1e3 * tau:.1f} ms."
     )
+    yield from _of_holding(results)
     line = results.range.line
     yield (
         f"These hold about the operating point: over {line.low:g} to {line.high:g} deg the steady speed is a straight line within "
         f"{line.max_error:.2f} rad/s; the delay goes with 1/speed, so that gain limits fall at lower speed."
     )
+
+
+def _of_holding(results: StudyResults) -> Iterator[str]:
+    """What holds on the sampled engine, and over the map."""
+    for name in ("c2d", "optimum"):
+        trial = results.trials.trial(name)
+        if trial is not None:
+            yield f"Sampled every {1e3 * PERIOD:g} ms, with noise and on engines {100 * SPREAD:g} % off: {trial_words(trial)}"
+    yield from (f"{box_words(box)} Beyond it schedule the gains." for box in results.operating_map.box if box.share < 1.0)
 
 
 def _of_c2d(model: LoopRun, engine: LoopRun, delay: float) -> str:

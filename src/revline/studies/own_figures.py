@@ -6,9 +6,15 @@ from types import MappingProxyType
 from revline.analysis.linear_range import HoldsUpTo
 from revline.studies.hunting_results import OnsetRow
 from revline.studies.model_distance import FIGURE as DISTANCE_FIGURE
+from revline.studies.operating_map import MAP_FIGURE, SCHEDULE_FIGURE
 from revline.studies.results import title
+from revline.studies.rivals import FIGURE as RIVALS_FIGURE
 from revline.studies.stability_results import RegionRow
 from revline.studies.study_results import StudyResults
+from revline.studies.trials import FIGURE as TRIALS_FIGURE
+from revline.studies.trials import PERIOD, drawn_trial, trial_words
+from revline.studies.two_inputs import FIGURE as TWO_INPUTS_FIGURE
+from revline.studies.two_inputs import two_inputs_words
 from revline.studies.words import listed, plant_name
 
 Caption = Callable[[StudyResults], str]
@@ -34,6 +40,11 @@ OWN_ROWS = (
     _row(ONSET_FIGURE, f"How hunting begins as the gains of {title(HUNTER)} rise", "factor of all gains", "amplitude (rad/s)"),
     _row(DISTANCE_FIGURE, "How far models are from the engine, as feedback sees it", "frequency (rad/s)", "chord (1)"),
     _row(RANGE_FIGURE, "Error of the exact linear model over amplitude", "frequency (rad/s)", "throttle amplitude (deg)"),
+    _row(RIVALS_FIGURE, "Controllers and rules beside the optimum of their form", "maximum sensitivity (1)", "load error (rad per N m)"),
+    _row(MAP_FIGURE, "Gains over the operating map", "throttle (deg)", "load torque (N m)"),
+    _row(SCHEDULE_FIGURE, "Gain schedule over speed and load", "engine speed (rad/s)", "load torque (N m)"),
+    _row(TRIALS_FIGURE, "Runs of the acceptance", "operating point", "measure"),
+    _row(TWO_INPUTS_FIGURE, "A load step under spark and throttle", "time (s)", "speed (rad/s), spark and throttle (deg)"),
 )
 """As rows of the thesis's list of figures."""
 
@@ -42,9 +53,16 @@ def is_drawn(figure: str, results: StudyResults) -> bool:
     """Whether there is anything to draw: a controller that does not hunt has no limit cycle."""
     if figure == ORBIT_FIGURE:
         return results.hunting.cycle(HUNTER) is not None
-    if figure == DISTANCE_FIGURE:
-        return bool(results.distance.drawn())
-    return bool(results.hunting.onsets) if figure == ONSET_FIGURE else True
+    needs = {
+        DISTANCE_FIGURE: lambda: bool(results.distance.drawn()),
+        ONSET_FIGURE: lambda: bool(results.hunting.onsets),
+        RIVALS_FIGURE: lambda: bool(results.rivals.compared.competitors),
+        MAP_FIGURE: lambda: results.operating_map.is_drawn,
+        SCHEDULE_FIGURE: lambda: bool(results.operating_map.schedule),
+        TRIALS_FIGURE: lambda: drawn_trial(results.trials) is not None,
+        TWO_INPUTS_FIGURE: lambda: results.two_inputs.is_drawn,
+    }
+    return needs[figure]() if figure in needs else True
 
 
 def _region(controller: str) -> Caption:
@@ -106,6 +124,30 @@ def _distance(results: StudyResults) -> str:
     return f"{'; '.join(parts)}. Shaded: where the model says nothing about the loop on the engine."
 
 
+def _rivals(_: StudyResults) -> str:
+    return (
+        "Left: each controller and the optimum with its maximum sensitivity and set-point error as bounds; arrows lead from one to the "
+        "other. Right: speed after a unit load of that which gains most."
+    )
+
+
+def _map(results: StudyResults) -> str:
+    gains = results.operating_map.gains
+    return f"Largest proportional gain at each point, and at its corners the gains that stabilise and that keep Ms at most {gains.peak:g}."
+
+
+def _schedule(results: StudyResults) -> str:
+    return " ".join(
+        f"Its gains, and the maximum sensitivity at {len(found.tried)} points, between the nodes too: {found.worst:.3f} at the worst."
+        for found in results.operating_map.schedule
+    )
+
+
+def _trials(results: StudyResults) -> str:
+    shown = drawn_trial(results.trials)
+    return "There is none." if shown is None else f"{trial_words(shown)} Each point is a run, sampled every {1e3 * PERIOD:g} ms."
+
+
 def range_words(results: StudyResults) -> str:
     """Up to which amplitude the exact linear model holds."""
     found = results.linear_range
@@ -130,6 +172,11 @@ OWN_CAPTIONS: Mapping[str, Caption] = MappingProxyType(
         ONSET_FIGURE: _onset,
         RANGE_FIGURE: range_words,
         DISTANCE_FIGURE: _distance,
+        RIVALS_FIGURE: _rivals,
+        MAP_FIGURE: _map,
+        SCHEDULE_FIGURE: _schedule,
+        TRIALS_FIGURE: _trials,
+        TWO_INPUTS_FIGURE: lambda results: two_inputs_words(results.two_inputs),
     }
 )
 """By their number."""

@@ -23,11 +23,15 @@ from revline.studies.config import StudyConfig
 from revline.studies.delay_models import delay_fields
 from revline.studies.hunting_record import hunting_record
 from revline.studies.model_distance import distance_fields
+from revline.studies.operating_map import map_fields
 from revline.studies.parts import Parts
 from revline.studies.results import ControllersResult, ErrorRecord, LoopRow, ModelsResult, PointResult, RangeResult
+from revline.studies.rivals import rivals_fields
 from revline.studies.routes import balance_rows, routes_fields
 from revline.studies.stability_record import stability_record
 from revline.studies.study_results import StudyResults
+from revline.studies.trials import trials_fields
+from revline.studies.two_inputs import two_inputs_fields
 
 SCHEMA = "revline.study/1"
 PARTIAL_NOTE = "this study is not finished; run the same command again and it goes on from its finished steps"
@@ -286,6 +290,10 @@ PARTS: Mapping[str, Callable[[StudyConfig, Mapping[str, Any]], Record]] = Mappin
             "model_errors": error_records((*found["errors"].records, *found["delay_models"].records)),
             "delay_models": delay_fields(found["delay_models"]),
         },
+        "rivals": lambda config, found: rivals_fields(found["rivals"], engine=config.engine, place=(config.throttle_deg, config.load_n_m)),
+        "operating_map": lambda _, found: map_fields(found["operating_map"]),
+        "trials": lambda _, found: trials_fields(found["trials"]),
+        "two_inputs": lambda _, found: two_inputs_fields(found["two_inputs"]),
         "guidelines": lambda _, found: {"guidelines": list(found["guidelines"])},
     }
 )

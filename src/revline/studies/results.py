@@ -1,8 +1,8 @@
 """Results of a study's steps, as frozen values."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,15 +15,37 @@ from revline.design.controller import PidGains
 from revline.design.fine_tuning import FineTuning
 from revline.design.model_choice import NamedFit, Verdict
 from revline.design.step_tangent import StepTangent
+from revline.errors import RevlineError
 from revline.lti.response import FrequencyResponse
 from revline.values import make_read_only
 
 Floats = NDArray[np.float64]
+T = TypeVar("T")
 
 
 def title(name: str) -> str:
     """Name of a model or controller as people write it: G2d for g2d."""
     return name[:1].upper() + name[1:]
+
+
+class NotFound(NamedTuple):
+    """A part of a step that has no result, and why."""
+
+    what: str
+    reason: str
+
+
+def attempt(what: str, make: Callable[[], T]) -> tuple[tuple[T, ...], tuple[NotFound, ...]]:
+    """Make a part of a step: what there is, or why there is nothing. An interruption goes on upwards.
+
+    Args:
+        what: the part, in words.
+        make: makes it.
+    """
+    try:
+        return (make(),), ()
+    except RevlineError as error:
+        return (), (NotFound(what, str(error)),)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,4 +1,4 @@
-"""Figures of the gains that stabilise with the controllers in them, of hunting, and of how far the linear model holds."""
+"""Figures of the gains that stabilise with the controllers in them, of hunting, of the linear model's range, and of gains that hold."""
 
 from collections.abc import Iterator
 from types import MappingProxyType
@@ -17,11 +17,16 @@ from revline.studies.figure_call import FigureCall, to_draw
 from revline.studies.hunting_results import CycleRow
 from revline.studies.model_distance import FIGURE as DISTANCE_FIGURE
 from revline.studies.model_distance import distance_figure
+from revline.studies.operating_map import map_figures
 from revline.studies.own_figures import HUNTER, ONSET_FIGURE, ORBIT_FIGURE, RANGE_FIGURE, REGION_FIGURES
 from revline.studies.results import title
+from revline.studies.rivals import FIGURE as RIVALS_FIGURE
+from revline.studies.rivals import rivals_figure
 from revline.studies.stability_results import AT_START, AT_TARGET, RegionRow
 from revline.studies.stability_steps import controllers_with
 from revline.studies.study_results import StudyResults
+from revline.studies.trials import trials_figures
+from revline.studies.two_inputs import two_inputs_figures
 
 LOOKS: Final = MappingProxyType(
     {
@@ -69,6 +74,17 @@ def hunting_figures(results: StudyResults) -> dict[str, FigureCall]:
     errors = ErrorMap(grid.omega, grid.amplitudes, grid.linear_error, grid.found)
     calls[RANGE_FIGURE] = to_draw(plot_linear_error, errors, Quantity("throttle amplitude", "deg"))
     return calls
+
+
+def design_figures(results: StudyResults) -> dict[str, FigureCall]:
+    """The figures of the controllers that hold by their number; those that exist."""
+    rivals = {RIVALS_FIGURE: rivals_figure(results.rivals)} if results.rivals.compared.competitors else {}
+    return {
+        **rivals,
+        **map_figures(results.operating_map),
+        **trials_figures(results.trials),
+        **two_inputs_figures(results.two_inputs),
+    }
 
 
 def _at_its_own_gains(row: CycleRow | None) -> tuple[list[float], list[float]] | None:

@@ -16,9 +16,13 @@ from revline.studies.delay_models import find_delay_models
 from revline.studies.guidelines import write_guidelines
 from revline.studies.hunting_steps import find_hunting
 from revline.studies.model_distance import find_distances
+from revline.studies.operating_map import find_map
 from revline.studies.parts import Parts
+from revline.studies.rivals import find_rivals
 from revline.studies.stability_steps import find_stability
 from revline.studies.study_results import StudyResults
+from revline.studies.trials import try_controllers
+from revline.studies.two_inputs import find_two_inputs
 from revline.system import DelaySystem
 from revline.values import fingerprint
 
@@ -132,6 +136,22 @@ STEPS = (
         lambda task, point, models, errors: find_delay_models(point, models, errors, task.config.amplitude_deg),
         0.01,
     ),
+    StudyStep(
+        "rules-and-optimum",
+        "rivals",
+        ("point", "controllers"),
+        lambda task, point, controllers: find_rivals(task.engine, point, controllers),
+        0.05,
+    ),
+    StudyStep("operating-map", "operating_map", (), lambda task: find_map(task.engine, task.config, task.progress), 0.15),
+    StudyStep(
+        "acceptance",
+        "trials",
+        ("point", "controllers", "operating_map"),
+        lambda task, *found: try_controllers(task.engine, *found, config=task.config, progress=task.progress),
+        0.1,
+    ),
+    StudyStep("two-inputs", "two_inputs", (), lambda task: find_two_inputs(task.engine, task.config), 0.05),
 )
 """All steps but the guidelines, which need every other."""
 

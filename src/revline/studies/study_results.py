@@ -9,6 +9,7 @@ from revline.analysis.spectrum import SpectralCheck
 from revline.studies.delay_models import DelayModels
 from revline.studies.hunting_results import HuntingResult
 from revline.studies.model_distance import DistanceResult
+from revline.studies.operating_map import MapResult
 from revline.studies.results import (
     ControllersResult,
     ErrorsResult,
@@ -19,8 +20,11 @@ from revline.studies.results import (
     SineRecord,
     StepsResult,
 )
+from revline.studies.rivals import RivalsResult
 from revline.studies.routes import RoutesResult
 from revline.studies.stability_results import StabilityResult
+from revline.studies.trials import TrialsResult
+from revline.studies.two_inputs import TwoInputsResult
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -45,4 +49,8 @@ class StudyResults:
     linear_range: LinearRanges
     errors: ErrorsResult
     delay_models: DelayModels
+    rivals: RivalsResult
+    operating_map: MapResult
+    trials: TrialsResult
+    two_inputs: TwoInputsResult
     guidelines: tuple[str, ...] = ()

@@ -1,11 +1,13 @@
 """The study's tables as values: for the report, and as CSV files with a unit in every column."""
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
 from revline.design.closed_loop import describe_outcome
 from revline.design.outcome import LimitCycle
+from revline.design.schedule_design import ScheduleResult
 from revline.report.tables import NumberColumn, Table
 from revline.studies.config import StudyConfig, read_table_4_1
 from revline.studies.results import LoopRow, ModelsResult, title
@@ -33,6 +35,9 @@ def _tables(config: StudyConfig, results: StudyResults) -> Iterator[Table]:
     yield loops_table(results)
     yield margins_table(results)
     yield from (region_table(row) for row in results.stability.regions)
+    yield rivals_table(results)
+    yield from (schedule_table(found) for found in results.operating_map.schedule)
+    yield trials_table(results)
     for row in results.loops.rows:
         run = row.run
         yield _table(f"loop_{row.controller}_{row.plant}", ("time_s", "speed_rad_s", "throttle_deg"), (run.times, run.output, run.control))
@@ -143,3 +148,52 @@ def region_table(row: RegionRow) -> Table:
     """Boundary of the gains that stabilise one plant at one kd, by rising frequency."""
     name = f"gain_region_{row.plant}_kd_{row.kd:.3g}".replace("-", "_")
     return _table(name, ("frequency_rad_s", "kp_deg_s_rad", "ki_deg_rad"), (row.omega, row.kp, row.ki))
+
+
+def rivals_table(results: StudyResults) -> Table:
+    """Controllers and rules beside the optimum of their form."""
+    errors = ("controller", "ms_1", "setpoint_iae_s", "load_iae_rad_per_n_m", "optimum_load_iae_rad_per_n_m", "ratio_1")
+    gains = ("optimum_kp_deg_s_rad", "optimum_ki_deg_rad", "optimum_kd_deg_s2_rad", "optimum_ms_1")
+    rows = tuple(
+        (
+            one.name,
+            float(one.cost.sensitivity.max()),
+            one.cost.setpoint,
+            one.cost.load,
+            one.optimum.cost,
+            one.ratio,
+            *one.optimum.terms[:3],
+            one.margins.sensitivity.value,
+        )
+        for one in results.rivals.compared.competitors
+    )
+    return make_table("optimum_comparison", errors + gains, rows)
+
+
+def schedule_table(found: ScheduleResult) -> Table:
+    """Gains at the nodes of the schedule."""
+    table = found.schedule
+    columns = ("engine_speed_rad_s", "load_torque_n_m", "kp_deg_s_rad", "ki_deg_rad", "kd_deg_s2_rad")
+    rows = tuple(
+        (float(a), float(b), float(table.kp[i, j]), float(table.ki[i, j]), float(table.kd[i, j]))
+        for i, a in enumerate(table.first)
+        for j, b in enumerate(table.second)
+    )
+    return make_table("gain_schedule", columns, rows)
+
+
+def trials_table(results: StudyResults) -> Table:
+    """The worst of all runs of each controller at each operating point; what was not measured is left empty."""
+    judged = ("controller", "throttle_deg", "load_n_m", "ms_1", "gain_reserve_db", "largest_overshoot_1", "longest_settling_s")
+    others = ("largest_droop_rad_s", "runs_1", "runs_that_ended_early_1")
+    rows: list[tuple[Cell, ...]] = []
+    for trial in results.trials.trials:
+        for place in trial.summary.places:
+            settling = float(place.settling.max()) if place.kinds else math.inf
+            measured: tuple[Cell, ...] = (None, None, None)
+            if place.kinds:
+                measured = (float(place.overshoot.max()), settling if math.isfinite(settling) else None, float(place.droop.max()))
+            ms, reserve = (values[0] if values else None for values in (place.ms, place.reserve_db))
+            values = (value for _, value in place.place)
+            rows.append((trial.name, *values, ms, reserve, *measured, float(len(place.kinds) + place.ended), float(place.ended)))
+    return make_table("acceptance", judged + others, rows)

@@ -210,6 +210,9 @@ def find_warnings(config: StudyConfig, results: StudyResults) -> Iterator[str]:
     yield from route_warnings(results.routes)
     yield from results.delay_models.missing
     yield from (f"{row.controller}: {row.reason}" for row in (*results.hunting.without_cycle, *results.hunting.without_onset))
+    lacking = (results.rivals, results.operating_map, results.trials, results.two_inputs)
+    yield from (f"{one.what}: {one.reason}" for found in lacking for one in found.missing)
+    yield from results.two_inputs.warnings
     if isinstance(results.range.widest, NoRange):
         yield f"no range chosen automatically: {results.range.widest.reason}"
     if not results.models.chosen:

@@ -1,0 +1,138 @@
+"""The study's steps on rules and the optimum, the operating map, acceptance, and two inputs."""
+
+import dataclasses
+import json
+
+import pytest
+
+from revline.errors import AnalysisError
+from revline.report.blocks import Paragraph, TableBlock
+from revline.report.inline import plain
+from revline.studies.captions import caption, figure_ids
+from revline.studies.checks import check_study
+from revline.studies.config import StudyConfig
+from revline.studies.content_design import design_section
+from revline.studies.made import Made
+from revline.studies.material import Material
+from revline.studies.operating_map import MAP_FIGURE, SCHEDULE_FIGURE, MapResult, map_fields, map_words
+from revline.studies.results import NotFound, attempt
+from revline.studies.rivals import FIGURE as RIVALS_FIGURE
+from revline.studies.rivals import rivals_fields, rivals_words
+from revline.studies.study_results import StudyResults
+from revline.studies.tables import study_tables
+from revline.studies.trials import FIGURE as TRIALS_FIGURE
+from revline.studies.trials import SCHEDULE, TrialsResult, trials_fields
+from revline.studies.two_inputs import FIGURE as TWO_INPUTS_FIGURE
+from revline.studies.two_inputs import TwoInputsResult, find_two_inputs, two_inputs_fields, two_inputs_words
+from revline.studies.writing import find_warnings
+
+NOTHING = (NotFound("a part", "it was not there."),)
+
+
+def without(results: StudyResults) -> StudyResults:
+    """The study of an engine for which none of these steps finds anything."""
+    compared = dataclasses.replace(results.rivals.compared, competitors=())
+    lost = tuple(dataclasses.replace(point, best=None) for point in results.operating_map.gains.found)
+    return dataclasses.replace(
+        results,
+        rivals=dataclasses.replace(results.rivals, compared=compared, ultimate=(), missing=NOTHING),
+        operating_map=MapResult(
+            gains=dataclasses.replace(results.operating_map.gains, points=lost), box=(), nodes=(), schedule=(), missing=NOTHING
+        ),
+        trials=TrialsResult(optimum=(), trials=(), missing=NOTHING),
+        two_inputs=TwoInputsResult(plants=(), spark=-20.0, limited_by="", warnings=(), missing=NOTHING),
+    )
+
+
+def test_the_optimum_under_its_bounds_is_nowhere_worse_than_the_controller(results: StudyResults) -> None:
+    rows = {one.name: one for one in results.rivals.compared.competitors}
+    assert {"C2d", "ziegler-nichols", "simc-pi", "amigo"} <= set(rows)
+    assert max(one.ratio for one in rows.values()) <= 1.0 + 1e-3
+    assert rows["C2d"].ratio < 0.2
+    assert {one.name for one in results.rivals.compared.left_out} >= {"C1", "C2"}
+    assert rivals_words(results.rivals).startswith(f"Of {len(rows)} controllers and rules")
+
+
+def test_the_schedule_keeps_its_bound_where_no_gains_do_and_is_accepted(results: StudyResults) -> None:
+    found = results.operating_map
+    (schedule,), (box,) = found.schedule, found.box
+    assert schedule.worst <= schedule.peak == 2.0
+    assert 0.2 < box.share < 0.5
+    assert "only if it does little" in map_words(found)
+    trials = {one.name: one.summary for one in results.trials.trials}
+    assert trials[SCHEDULE].passed
+    assert len(trials[SCHEDULE].places) == 6
+    assert not trials["c2d"].passed
+    assert trials["optimum"].passed
+
+
+def test_the_spark_halves_the_droop(results: StudyResults) -> None:
+    (plant,) = results.two_inputs.plants
+    assert "falls by 1.22 rad/s with spark and throttle, by 2.85 with the throttle alone" in two_inputs_words(results.two_inputs)
+    assert plant.margins.stable
+
+
+def test_fields_are_finite_json_with_units_in_their_names(config: StudyConfig, results: StudyResults) -> None:
+    for found, words in ((results, "load_iae"), (without(results), "it was not there.")):
+        record = {
+            **rivals_fields(found.rivals, engine=config.engine, place=(25.0, 0.0)),
+            **map_fields(found.operating_map),
+            **trials_fields(found.trials),
+            **two_inputs_fields(found.two_inputs),
+        }
+        text = json.dumps(record, allow_nan=False)
+        assert "null" not in text
+        assert words in text
+        assert set(record) >= {"optimum_comparison", "operating_map", "acceptance", "two_inputs"}
+
+
+def material(config: StudyConfig, results: StudyResults, folder: object) -> Material:
+    made = Made(on="", version="", code="", questions="", answers="", software=(), seconds_of_numbers=0.0)
+    return Material(
+        config=config,
+        engine=config.load_engine(),
+        results=results,
+        checks=(),
+        warnings=(),
+        figures=folder,  # type: ignore[arg-type]  # a path, from pytest
+        made=made,
+    )
+
+
+def test_what_was_not_found_is_said_and_not_drawn(config: StudyConfig, results: StudyResults, tmp_path: object) -> None:
+    none = without(results)
+    drawn = {RIVALS_FIGURE, MAP_FIGURE, SCHEDULE_FIGURE, TRIALS_FIGURE, TWO_INPUTS_FIGURE}
+    assert set(figure_ids(results)) - set(figure_ids(none)) == drawn
+    section = design_section(material(config, none, tmp_path))
+    words = [plain(block.text) for part in section.sections for block in part.blocks if isinstance(block, Paragraph)]
+    assert sum("it was not there." in text for text in words) == 4
+    assert not any(isinstance(block, TableBlock) for part in section.sections for block in part.blocks)
+    assert sum("a part: it was not there." in text for text in find_warnings(config, none)) == 4
+    assert "There is none." in caption(TRIALS_FIGURE, none)
+    failed = {check.name for check in check_study(config, none) if not check.passed}
+    assert {"schedule: passes the acceptance (1) or not (0)", "load steps with two inputs run to their end (1) or not (0)"} <= failed
+
+
+def test_the_section_has_a_table_for_each_comparison(config: StudyConfig, results: StudyResults, tmp_path: object) -> None:
+    section = design_section(material(config, results, tmp_path))
+    tables = [block for part in section.sections for block in part.blocks if isinstance(block, TableBlock)]
+    assert [len(table.rows) for table in tables] == [len(results.rivals.compared.competitors), 5, 8]
+    names = {table.name for table in study_tables(config, results)}
+    assert {"optimum_comparison", "gain_schedule", "acceptance"} <= names
+
+
+def test_a_point_without_rest_has_no_design_and_a_reason(config: StudyConfig) -> None:
+    away = find_two_inputs(config.load_engine(), dataclasses.replace(config, throttle_deg=3.0, amplitude_deg=1.0, half_range_deg=1.0))
+    assert away.plants == ()
+    assert two_inputs_words(away).startswith("No design was found: ")
+
+
+def test_an_attempt_takes_the_projects_errors_alone() -> None:
+    def fail() -> float:
+        message = "too far"
+        raise AnalysisError(message)
+
+    assert attempt("a root", fail) == ((), (NotFound("a root", "too far"),))
+    assert attempt("a root", lambda: 1.0) == ((1.0,), ())
+    with pytest.raises(ZeroDivisionError):
+        attempt("a root", lambda: 1 / 0)
