@@ -5,7 +5,7 @@ Each is found when a rule asks for it, from the exact plant, its delay kept: a t
 
 import functools
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
@@ -33,7 +33,7 @@ DECAYS = 12.0
 
 
 WEAK = 0.1
-"""Loop gain at rest from which the ultimate gain is sought: a stable plant's loop is stable there."""
+"""Loop gain at rest, or at 1 rad/s, from which the ultimate gain is sought."""
 
 
 class LagReading(Enum):
@@ -146,15 +146,33 @@ class TuningPlant:
         """The ultimate point, exact.
 
         Raises:
-            InvalidInputError: the plant's gain is negative.
-            AnalysisError: no gain makes the loop oscillate.
+            InvalidInputError: the plant is stable and its gain is negative.
+            AnalysisError: there is no gain up to which the loop is stable and at which it oscillates.
         """
-        weak = WEAK / abs(self.static_gain)
-        if self.static_gain < 0.0:
+        begin = WEAK / self._size
+        if self._rises_against and self.loop(self._gains(begin)).stable:
             message = f"{self.name} answers against its input (gain {self.static_gain:g}); turn the sign of the input round and tune again"
             raise InvalidInputError(message, gain=self.static_gain)
-        found = find_ultimate_point(self.loop(self._gains(weak)))
-        return replace(found, gain=found.gain * weak)
+        return find_ultimate_point(lambda kp: self.loop(self._gains(kp)), begin=begin)
+
+    @property
+    def _integrates(self) -> bool:
+        """Whether a transfer function has a pole at 0, so that there is no gain at rest."""
+        return isinstance(self.plant, TransferFunction) and self.plant.denominator[0] == 0.0
+
+    @property
+    def _rises_against(self) -> bool:
+        return not self._integrates and self.static_gain < 0.0
+
+    @property
+    def _size(self) -> float:
+        """Size of the gain at rest; of a plant that integrates or rests at 0 that at 1 rad/s."""
+        if not self._integrates and self.static_gain != 0.0:
+            return abs(self.static_gain)
+        if isinstance(self.plant, TransferFunction):
+            return float(abs(self.plant(1j)))
+        row, drive = position(self.plant.outputs, self.wires.measurement), position(self.plant.inputs, self.wires.drive)
+        return float(abs(self.plant.transfer(np.array([1j]))[0, row, drive]))
 
     def lag(self, reading: LagReading) -> DelayedLag:
         """Read a lag with delay from the exact step response.

@@ -103,7 +103,7 @@ def compare_ultimate_points(
     def proportional(kp: float) -> PidGains:
         return PidGains(kp=kp, ki=0.0, kd=0.0, input_unit=unit, output_unit=drive.unit, rule="proportional", designed_on=plant.name)
 
-    exact = find_ultimate_point(open_loop_of_system(model, proportional(1.0), wires=wires, name=plant.name))
+    exact = find_ultimate_point(lambda kp: open_loop_of_system(model, proportional(kp), wires=wires, name=plant.name))
     sampled_plant = sampled_plant_of_system(model, wires=wires, name=plant.name)
     predicted = predict_relay(
         sampled_plant.transfer, task.amplitude, exact.frequency, hysteresis=task.hysteresis, extra_delay=task.period / 2.0
