@@ -36,6 +36,10 @@ WEAK = 0.1
 """Loop gain at rest, or at 1 rad/s, from which the ultimate gain is sought."""
 
 
+REAL = 1e-3
+"""A root counts as real up to this part of imaginary part: roots of a polynomial that are m times the same are known to 1e-16^(1/m)."""
+
+
 class LagReading(Enum):
     """How a lag with delay is read from a step response."""
 
@@ -263,10 +267,15 @@ def reduce_by_half_rule(model: TransferFunction, *, order: int) -> tuple[float, 
         Skogestad (2003), Journal of Process Control 13(4), 291-309, section 2.
     """
     poles, zeros = model.poles, model.zeros
-    if np.any(np.abs(poles.imag) > 1e-9 * np.abs(poles)) or np.any(poles.real >= 0.0):
-        message = "the half rule needs real stable poles; this model has others: fit one lag with delay, or use an ultimate-gain rule"
+    if not poles.size or np.any(np.abs(poles.imag) > REAL * np.abs(poles)) or np.any(poles.real >= 0.0):
+        message = (
+            "the half rule needs real stable poles; this model has others or none: fit one lag with delay, or use an ultimate-gain rule"
+        )
         raise InvalidInputError(message)
-    if np.any(np.abs(zeros.imag) > 1e-9 * np.abs(zeros)) or np.any(zeros.real < 0.0):
+    if model.static_gain == 0.0:
+        message = "the model's gain at rest is 0, so that no controller holds a command; the half rule needs a plant that answers for good"
+        raise InvalidInputError(message)
+    if np.any(np.abs(zeros.imag) > REAL * np.abs(zeros)) or np.any(zeros.real < 0.0):
         message = "the half rule as it stands here takes zeros in the right half plane only; fit a model without zeros"
         raise InvalidInputError(message)
     lags = sorted((1.0 / -poles.real).tolist(), reverse=True)
