@@ -5,7 +5,7 @@ Each is found when a rule asks for it, from the exact plant, its delay kept: a t
 
 import functools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -17,6 +17,7 @@ from revline.design.open_loop import OpenLoop, open_loop_of_model, open_loop_of_
 from revline.design.step_tangent import StepTangent, TangentReading, measure_step_tangent
 from revline.design.ultimate import UltimatePoint, find_ultimate_point
 from revline.errors import InvalidInputError
+from revline.lti.interconnection import select, series, to_state_space
 from revline.lti.roots import characteristic_roots
 from revline.lti.state_space import DelayStateSpace, position
 from revline.lti.time_response import sample_times, step_response
@@ -201,11 +202,33 @@ class TuningPlant:
             gain=self.static_gain, lag=lag, delay=delay, reading=reading, largest_difference=float(np.max(np.abs(alike - share)))
         )
 
-    def loop(self, gains: PidGains) -> OpenLoop:
-        """The loop of the plant under some gains, its delay exact."""
+    def loop(self, gains: PidGains, *, filter_time: Seconds = 0.0) -> OpenLoop:
+        """The loop of the plant under some gains, its delay exact.
+
+        A filtered derivative, kd s/(Tf s + 1), is the same as gains kp + ki Tf, ki and kd + kp Tf before a lag Tf, which joins the plant.
+
+        Args:
+            gains: of the controller.
+            filter_time: Tf of its derivative, in s; 0 for none.
+        """
+        if filter_time > 0.0:
+            kp, ki, kd = gains.kp, gains.ki, gains.kd
+            return self._behind(filter_time).loop(replace(gains, kp=kp + ki * filter_time, kd=kd + kp * filter_time))
         if isinstance(self.plant, TransferFunction):
             return open_loop_of_model(self.plant, gains, name=self.name)
         return open_loop_of_system(self.plant, gains, wires=self.wires, name=self.name)
+
+    def _behind(self, lag: Seconds) -> "TuningPlant":
+        """The plant with a lag before what is driven."""
+        plant = self.plant
+        if isinstance(plant, TransferFunction):
+            denominator = tuple(np.polynomial.polynomial.polymul(plant.denominator, (1.0, lag)).tolist())
+            return replace(self, plant=replace(plant, denominator=denominator))
+        drive = position(plant.inputs, self.wires.drive)
+        unit = plant.inputs[drive].unit
+        model = TransferFunction(numerator=(1.0,), denominator=(1.0, lag), input_unit=unit, output_unit=unit)
+        first = to_state_space(model, input_name=self.wires.drive, output_name=self.wires.drive)
+        return replace(self, plant=series(first, select(plant, (drive,), range(len(plant.outputs)))))
 
     @functools.cached_property
     def _step(self) -> tuple[Floats, Floats]:
