@@ -213,6 +213,8 @@ def test_a_filtered_derivative_is_other_gains_before_a_lag(plant: TransferFuncti
         (lambda: Bounds(effort=0.0), InvalidInputError, "bound of effort = 0"),
         (lambda: make_grid(G2D, horizon=0.0), InvalidInputError, "horizon = 0 s is outside the positive numbers"),
         (lambda: run_g2d(free=("kp", "k")), InvalidInputError, "what is free is kp, k; it is one or more of kp, ki, kd, b"),
+        (lambda: run_g2d(free=("kp", "ki", "kp")), InvalidInputError, "what is free is kp, ki, kp; it is .* each once"),
+        (lambda: make_grid(G2D, filter_time=math.nan), InvalidInputError, "filter time of the derivative = nan s is outside 0 and above"),
         (lambda: run_g2d(grids=()), InvalidInputError, "there is no operating point to optimise for"),
         (lambda: run_g2d(free=("kp",)), InvalidInputError, "without integral action a load leaves an error for ever"),
         (lambda: run_g2d(bounds=Bounds(effort=1.0)), InvalidInputError, "an ideal derivative makes the effort"),

@@ -161,6 +161,8 @@ def test_a_measured_ultimate_point_is_taken_in_place_of_the_exact_one() -> None:
         ),
         ("amigo", replace(LAG, delay=0.0), {}, "amigo needs a delay; the plant's is 0 s"),
         ("simc-pi", LAG, {"closed_loop_lag": 0.0}, "closed-loop lag = 0 s is outside the positive numbers; the delay, 0.1 s, is usual"),
+        ("simc-pi", replace(LAG, delay=0.0), {}, "closed-loop lag = 0 s is outside the positive numbers; this plant has no delay"),
+        ("pole-placement", replace(LAG, delay=0.0), {"natural_frequency": 1e200, "damping": 1.0}, "ki = inf .* is not finite"),
         ("simc", LAG, {}, "second lag = 0 s is outside above 0 to the first lag, 0.5 s; use simc-pi"),
         ("simc-pi", replace(LAG, denominator=(1.0, 0.1, 0.5)), {}, "the half rule needs real stable poles"),
         ("simc-pi", replace(LAG, denominator=(1.0,)), {}, "the half rule needs real stable poles; this model has others or none"),

@@ -98,9 +98,11 @@ class LoopGrid:
         """Evaluate a plant for a horizon, its peaks also where poles near the axis are.
 
         Raises:
-            InvalidInputError: the horizon is not positive.
+            InvalidInputError: the horizon is not positive, or the filter's time is none.
         """
         check_horizon(horizon)
+        if not (math.isfinite(filter_time) and filter_time >= 0.0):
+            raise out_of_range("filter time of the derivative", filter_time, "s", "0 and above", "give one, 0 for none")
         s = np.asarray(1j * math.pi / horizon * np.arange(SAMPLES // 2 + 1), dtype=np.complex128)
         low, high = 1e-2 / horizon, 0.5 * float(abs(s[-1]))
         sharp = poles[np.abs(poles.real) < SHARP * poles.imag]

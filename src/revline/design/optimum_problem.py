@@ -126,8 +126,8 @@ class Problem:
             InvalidInputError: a name is unknown or there is none, there is no point, or the effort has no bound that means anything.
         """
         unknown = [name for name in free if name not in GAINS]
-        if unknown or not free:
-            message = f"what is free is {', '.join(free) or 'nothing'}; it is one or more of {', '.join(GAINS)}"
+        if unknown or not free or len(set(free)) < len(free):
+            message = f"what is free is {', '.join(free) or 'nothing'}; it is one or more of {', '.join(GAINS)}, each once"
             raise InvalidInputError(message)
         if not grids:
             message = "there is no operating point to optimise for; give one"
