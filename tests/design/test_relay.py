@@ -77,6 +77,11 @@ def test_the_engine_under_a_relay_is_foretold_by_its_exact_model_and_off_its_ult
     assert found.sampled.gain == pytest.approx(2.064, abs=2e-3)
     assert found.bisection.source is UltimateSource.BISECTION
     assert re.match(r"the relay reads -6\.[78] % off the exact gain: -6\.8 % because its square wave has harmonics", found.reasons[0])
+    small = found.without_hysteresis.gain
+    assert small == pytest.approx(found.predicted.gain, rel=1e-12)
+    wide = replace(found.relay, task=replace(found.relay.task, hysteresis=0.1))
+    told = replace(found, predicted=found.predicted._replace(gain=0.7 * small), relay=wide).reasons[0]
+    assert re.search(r"-6\.8 % because its square wave has .* -30\.0 % because of its hysteresis of 0\.1, ", told)
     assert re.match(r"the bisection is -2\.\d % off: -2\.0 % because its loop samples every 1 ms", found.reasons[1])
 
 
