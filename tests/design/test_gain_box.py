@@ -1,10 +1,12 @@
 """Boxes of operating points for one set of gains, and the limit of such boxes, on a small map of the engine."""
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
 
+from revline.design import gain_box
 from revline.design.gain_box import Box, BoxGains, Floor, find_largest_box, try_gains
 from revline.design.gain_box_limit import BoxLimit, limit_boxes
 from revline.design.gain_map import Design, GainGrid, GainMap, GainPoint, find_gain_map, solve_point
@@ -48,6 +50,23 @@ def test_fixed_gains_hold_in_their_box(found: BoxGains) -> None:
         assert float(find_peaks(point.region, found.kp, found.ki)) <= found.worst * 1.001
         assert point.region.stabilises(found.kp, found.ki)
         assert found.ki >= 0.1 * point.best.ki
+
+
+def test_gains_that_fail_between_the_lines_are_refused(engine_map: GainMap, monkeypatch: pytest.MonkeyPatch) -> None:
+    lines = [engine_map.grid.first_values.tolist(), engine_map.grid.second_values.tolist()]
+
+    def fail_between(*asked: Any) -> tuple[float, float]:
+        return (1.5 if asked[3][0] in lines[0] and asked[3][1] in lines[1] else 2.3), 1.2
+
+    monkeypatch.setattr(gain_box, "try_gains", fail_between)
+    with pytest.raises(NotConvergedError, match=r"do not between them: kp = .* have a peak of 2.3 at throttle = .*; take a finer map"):
+        find_largest_box(lee1995(), engine_map, Floor(share=0.01))
+
+
+def test_a_map_of_small_numbers_keeps_its_lines() -> None:
+    """Lines were rounded to 1e-9, so that those of a small axis became one."""
+    tiny = find_gain_map(lee1995(), grid([25.0, 30.0, 35.0], [0.0, 1e-10, 2e-10]))
+    assert find_largest_box(lee1995(), tiny, Floor(share=0.25)).box.second_high == 2e-10
 
 
 def test_no_box_much_larger_is_left(found: BoxGains, limit: BoxLimit, engine_map: GainMap) -> None:

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from revline.design.gain_columns import GainColumns, intersect_columns, peak_columns, stable_columns
-from revline.design.gain_map import Design, GainGrid, GainMap, GainPoint, LostPoint, find_gain_map
+from revline.design.gain_columns import GainColumns, find_ellipses, intersect_columns, peak_columns, stable_columns
+from revline.design.gain_map import Design, GainGrid, GainMap, GainPoint, LostPoint, best_gains, find_gain_map
 from revline.design.gain_region import find_gain_region
 from revline.design.loop_family import family_of_model
 from revline.design.sensitivity_contour import find_peaks
@@ -140,6 +140,18 @@ def test_what_cannot_be_mapped_is_refused() -> None:
 def test_a_peak_of_one_is_refused_for_columns(engine_map: GainMap) -> None:
     with pytest.raises(InvalidInputError, match="peak of the sensitivity = 1"):
         peak_columns(engine_map.found[0].region, np.array([0.0, 1.0]), 1.0)
+
+
+@pytest.mark.parametrize("peak", [5.0, 20.0])
+def test_a_large_peak_is_kept_as_well(engine_map: GainMap, peak: float) -> None:
+    """Its ellipses are small: with the region's own frequencies they left cracks, and 20.4 for 20."""
+    region = engine_map.found[0].region
+    kp = np.linspace(region.window.kp_low, region.window.kp_high, 81)
+    ellipses = find_ellipses(region, peak)
+    best = best_gains(region, ellipses, peak_columns(region, kp, peak, ellipses), peak)
+    assert best.peak == pytest.approx(peak, rel=3e-4)
+    with pytest.raises(InvalidInputError, match="peak of the sensitivity = 21  is outside values above 1, up to 20"):
+        peak_columns(region, kp, 21.0)
 
 
 def test_an_interruption_keeps_what_is_finished() -> None:

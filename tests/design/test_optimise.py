@@ -10,10 +10,11 @@ import pytest
 
 from revline.analysis.linearize import linearize
 from revline.analysis.trim import find_trim
+from revline.design import optimise as module
 from revline.design.closed_loop import LoopTask, trace_linear_loop
 from revline.design.competitors import compare_with_competitors
 from revline.design.controller import PidGains
-from revline.design.loop_cost import LoopGrid, Terms, find_cost, find_errors
+from revline.design.loop_cost import LoopGrid, Terms, find_cost, find_errors, fit_horizon
 from revline.design.margins import find_margins
 from revline.design.optimise import cost_of, optimise
 from revline.design.optimum_problem import Bounds, Objective, Scale, find_scale, make_grid
@@ -148,6 +149,7 @@ def test_the_worst_of_several_points_counts_and_all_keep_their_bounds() -> None:
     best = optimise([grid for _, grid, _ in places], places[0][2], Bounds(ms=2.0), Objective.LOAD)
     assert best.cost == max(cost.load for cost in best.costs)
     assert max(cost.sensitivity.max() for cost in best.costs) == pytest.approx(2.0, rel=1e-5)
+    assert best.residual < 1e-3  # two points cost the same there: their gradients are weighed
     alone = optimise((places[0][1],), places[0][2], Bounds(ms=2.0), Objective.LOAD)
     assert alone.cost < best.costs[0].load
 
@@ -166,13 +168,53 @@ def test_a_setpoint_weight_buys_error_after_the_command() -> None:
     assert quiet.costs[0].effort.max() == pytest.approx(3.0, rel=1e-4)
 
 
+def test_the_horizon_holds_the_delay_and_is_fitted_to_a_slow_loop() -> None:
+    """A lag of 1 s behind 5 s of delay: where the error keeps its sign, its integral is 1/ki."""
+    plant = TransferFunction(numerator=(1.0,), denominator=(1.0, 1.0), delay=5.0, input_unit="deg", output_unit="rad/s")
+    slow = replace(C2D, kp=0.1, ki=0.02, kd=0.0)
+    grid = make_grid(plant)
+    assert grid.horizon == pytest.approx(70.0)
+    assert find_cost(grid, terms(slow)).load < 0.95 / 0.02
+    assert cost_of(grid, slow).load == pytest.approx(1.0 / 0.02, rel=2e-3)
+
+
+def test_a_hardly_damped_plant_is_resolved_and_searched_beyond_the_first_gains(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its slowest lag asks for 1400 s, its loop is 100 times as fast, and its best gains are above 50 times its ultimate gain."""
+    plant = TransferFunction(numerator=(1.0,), denominator=(1.0, 0.02, 1.0), delay=0.1, input_unit="deg", output_unit="rad/s")
+    tuned, grid = tuning_plant(plant, name="it"), make_grid(plant)
+    best = optimise((grid,), find_scale(tuned), Bounds(ms=2.0), Objective.LOAD)
+    assert best.cost < 0.061
+    assert best.grids[0].horizon < 0.2 * grid.horizon
+    assert best.accuracies[0].change < 0.01
+    margins = find_margins(tuned.loop(best.gains(C2D)))
+    assert best.costs[0].sensitivity.max() == pytest.approx(margins.sensitivity.value, rel=1e-5)
+    assert margins.stable
+    monkeypatch.setattr(module, "ROUNDS", 1)
+    with pytest.raises(NotConvergedError, match="in 1 searches the best gains always needed another horizon, or were at 50 times"):
+        optimise((grid,), find_scale(tuned), Bounds(ms=2.0), Objective.LOAD)
+    with pytest.raises(NotConvergedError, match="the loop settles too slowly for how fast it is; damp it better"):
+        fit_horizon(grid, Terms(5.0, 1e-3, 3.0, 1.0))
+
+
+@pytest.mark.parametrize("plant", [G2D, None], ids=["model", "engine"])
+def test_a_filtered_derivative_is_other_gains_before_a_lag(plant: TransferFunction | None) -> None:
+    tuned = engine()[0] if plant is None else tuning_plant(plant, name="g2d")
+    s = 1j * np.geomspace(0.1, 200.0, 20)
+    alone = tuned.loop(replace(C2D, kp=1.0, ki=0.0, kd=0.0)).transfer(s)
+    wanted = alone * (C2D.kp + C2D.ki / s + C2D.kd * s / (0.01 * s + 1.0))
+    assert np.allclose(tuned.loop(C2D, filter_time=0.01).transfer(s), wanted, rtol=1e-9)
+
+
 @pytest.mark.parametrize(
     ("run", "error", "message"),
     [
+        (lambda: make_grid(replace(G2D, denominator=(0.0, 1.0))), InvalidInputError, "the plant integrates .pole at s = 0., and costs are"),
         (lambda: Bounds(ms=1.0), InvalidInputError, "bound of Ms = 1  is outside values above 1; no loop can keep it"),
         (lambda: Bounds(effort=0.0), InvalidInputError, "bound of effort = 0"),
         (lambda: make_grid(G2D, horizon=0.0), InvalidInputError, "horizon = 0 s is outside the positive numbers"),
         (lambda: run_g2d(free=("kp", "k")), InvalidInputError, "what is free is kp, k; it is one or more of kp, ki, kd, b"),
+        (lambda: run_g2d(free=("kp", "ki", "kp")), InvalidInputError, "what is free is kp, ki, kp; it is .* each once"),
+        (lambda: make_grid(G2D, filter_time=math.nan), InvalidInputError, "filter time of the derivative = nan s is outside 0 and above"),
         (lambda: run_g2d(grids=()), InvalidInputError, "there is no operating point to optimise for"),
         (lambda: run_g2d(free=("kp",)), InvalidInputError, "without integral action a load leaves an error for ever"),
         (lambda: run_g2d(bounds=Bounds(effort=1.0)), InvalidInputError, "an ideal derivative makes the effort"),

@@ -2,17 +2,20 @@
 
 import math
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from revline.analysis.trim import Trim, find_trim
 from revline.design.closed_loop import operating_point
 from revline.design.controller import PidGains
-from revline.design.open_loop import open_loop_of_model
+from revline.design.open_loop import OpenLoop, open_loop_of_model
 from revline.design.relay import RelayTask, predict_relay, run_relay
+from revline.design.tuning_plant import tuning_plant
 from revline.design.ultimate import UltimatePoint, UltimateSource, find_ultimate_point
 from revline.design.ultimate_comparison import compare_ultimate_points
 from revline.engine.lee1995 import lee1995
@@ -30,9 +33,13 @@ def model(**changes: Any) -> TransferFunction:
     return replace(TransferFunction(numerator=(1.0,), denominator=(0.0, 1.0), delay=0.2), **changes)
 
 
+def loop_at(plant: TransferFunction) -> Callable[[float], OpenLoop]:
+    return lambda kp: open_loop_of_model(plant, UNIT.scaled(kp=kp))
+
+
 def test_an_integrator_with_delay_has_its_closed_form() -> None:
     """G = exp(-L s)/s: the ultimate gain is pi/(2 L), the period 4 L."""
-    found = find_ultimate_point(open_loop_of_model(model(), UNIT))
+    found = find_ultimate_point(loop_at(model()))
     assert found.gain == pytest.approx(math.pi / 0.4, rel=1e-9)
     assert found.period == pytest.approx(0.8, rel=1e-9)
     assert found.frequency == pytest.approx(2.0 * math.pi / 0.8)
@@ -70,6 +77,11 @@ def test_the_engine_under_a_relay_is_foretold_by_its_exact_model_and_off_its_ult
     assert found.sampled.gain == pytest.approx(2.064, abs=2e-3)
     assert found.bisection.source is UltimateSource.BISECTION
     assert re.match(r"the relay reads -6\.[78] % off the exact gain: -6\.8 % because its square wave has harmonics", found.reasons[0])
+    small = found.without_hysteresis.gain
+    assert small == pytest.approx(found.predicted.gain, rel=1e-12)
+    wide = replace(found.relay, task=replace(found.relay.task, hysteresis=0.1))
+    told = replace(found, predicted=found.predicted._replace(gain=0.7 * small), relay=wide).reasons[0]
+    assert re.search(r"-6\.8 % because its square wave has .* -30\.0 % because of its hysteresis of 0\.1, ", told)
     assert re.match(r"the bisection is -[12]\.\d % off: -2\.0 % because its loop samples every 1 ms", found.reasons[1])
 
 
@@ -113,9 +125,9 @@ def test_a_large_relay_shows_the_engines_nonlinearity() -> None:
             "no oscillation under this relay between 2.5 and 10",
         ),
         (
-            lambda: find_ultimate_point(open_loop_of_model(model(denominator=(1.0, 1.0), delay=0.0), UNIT)),
+            lambda: find_ultimate_point(loop_at(model(denominator=(1.0, 1.0), delay=0.0))),
             AnalysisError,
-            "has no ultimate gain: its phase never reaches -180 degrees",
+            "under proportional.* has no ultimate gain: its phase never reaches -180 degrees",
         ),
     ],
 )
@@ -127,5 +139,29 @@ def test_what_gives_no_ultimate_point_is_refused(run: Any, error: Any, message: 
 def test_a_loop_without_an_upper_limit_is_refused() -> None:
     """An unstable lag is held by any gain above a least one."""
     unstable = model(denominator=(-1.0, 1.0, 0.001), delay=0.0, numerator=(3.0,))
-    with pytest.raises((InvalidInputError, AnalysisError), match="no ultimate gain"):
-        find_ultimate_point(open_loop_of_model(unstable, UNIT))
+    with pytest.raises(AnalysisError, match="no ultimate gain"):
+        find_ultimate_point(loop_at(unstable))
+
+
+@pytest.mark.parametrize("delay", [0.01, 1e-4])
+def test_a_short_delay_has_an_ultimate_gain_too(delay: float) -> None:
+    """Far above the gain at rest: where atan(w) + w L is pi, the gain is |1 + j w|."""
+    turn = brentq(lambda w: math.atan(w) + w * delay - math.pi, 1.0, 4.0 / delay, xtol=1e-9)
+    found = tuning_plant(model(denominator=(1.0, 1.0), delay=delay), name="a lag").ultimate
+    assert (found.gain, found.period) == pytest.approx((math.hypot(1.0, turn), 2.0 * math.pi / turn), rel=1e-9)
+
+
+def test_an_unstable_plant_has_the_upper_end_of_its_stabilising_gains_or_none() -> None:
+    """2 exp(-0.1 s)/(s - 1) is stable for gains from 0.5 up to |j w - 1|/2 where atan(w) = 0.1 w; with the sign turned for none."""
+    turn = brentq(lambda w: math.atan(w) - 0.1 * w, 1.0, 20.0, xtol=1e-12)
+    held = tuning_plant(model(numerator=(2.0,), denominator=(-1.0, 1.0), delay=0.1), name="it")
+    assert held.ultimate.gain == pytest.approx(0.5 * math.hypot(1.0, turn), rel=1e-9)
+    with pytest.raises(AnalysisError, match="no ultimate gain: there is none up to which it is stable"):
+        _ = tuning_plant(model(numerator=(1.0,), denominator=(1.0, -1.0), delay=0.1), name="it").ultimate
+
+
+def test_a_plant_that_integrates_or_rests_at_0_has_its_ultimate_gain() -> None:
+    assert tuning_plant(model(), name="an integrator").ultimate.gain == pytest.approx(math.pi / 0.4, rel=1e-9)
+    turn = brentq(lambda w: math.pi / 2.0 - 2.0 * math.atan(w) - 0.2 * w + math.pi, 2.0, 40.0, xtol=1e-12)
+    washed = tuning_plant(model(numerator=(0.0, 1.0), denominator=(1.0, 2.0, 1.0)), name="a plant")
+    assert washed.ultimate.gain == pytest.approx((1.0 + turn**2) / turn, rel=1e-9)

@@ -94,6 +94,24 @@ def test_the_half_rule_is_skogestads_example() -> None:
 
 
 @pytest.mark.reference
+def test_amigo_is_the_published_example_on_four_equal_lags() -> None:
+    """1/(s + 1)^4 is read as T = 2.9 s (at 63 %) and L = 1.42 s; PI: 0.414, 2.66 s; PID: 1.12, 2.40 s, 0.619 s.
+
+    Source: Astrom and Hagglund (2004), Journal of Process Control 14(6), 635-650; the tangent would give T = 4.46 s and 0.67, 1.61.
+    """
+    four = TransferFunction(numerator=(1.0,), denominator=(1.0, 4.0, 6.0, 4.0, 1.0))
+    pi, pid = (tune_by_rule(rule, four, options={}, designed_on="four lags") for rule in ("amigo-pi", "amigo"))
+    assert (pi.kp, pi.kp / pi.ki) == pytest.approx((0.414, 2.66), rel=1e-2)
+    assert (pid.kp, pid.kp / pid.ki, pid.kd / pid.kp) == pytest.approx((1.12, 2.40, 0.619), rel=1e-2)
+
+
+def test_equal_lags_are_real_for_the_half_rule() -> None:
+    """Roots of a polynomial that are four times the same are computed with imaginary parts of 1e-4."""
+    four = TransferFunction(numerator=(1.0,), denominator=(1.0, 4.0, 6.0, 4.0, 1.0), delay=0.1)
+    assert reduce_by_half_rule(four, order=2) == pytest.approx((1.0, 1.0, 1.5, 1.6), rel=1e-3)
+
+
+@pytest.mark.reference
 def test_rules_made_for_robustness_have_the_margins_that_their_authors_state() -> None:
     """SIMC with a closed-loop lag of the delay: Ms 1.59, gain margin 3.14, phase margin 61.4 deg for a lag of less than 8 delays.
 
@@ -143,8 +161,12 @@ def test_a_measured_ultimate_point_is_taken_in_place_of_the_exact_one() -> None:
         ),
         ("amigo", replace(LAG, delay=0.0), {}, "amigo needs a delay; the plant's is 0 s"),
         ("simc-pi", LAG, {"closed_loop_lag": 0.0}, "closed-loop lag = 0 s is outside the positive numbers; the delay, 0.1 s, is usual"),
+        ("simc-pi", replace(LAG, delay=0.0), {}, "closed-loop lag = 0 s is outside the positive numbers; this plant has no delay"),
+        ("pole-placement", replace(LAG, delay=0.0), {"natural_frequency": 1e200, "damping": 1.0}, "ki = inf .* is not finite"),
         ("simc", LAG, {}, "second lag = 0 s is outside above 0 to the first lag, 0.5 s; use simc-pi"),
         ("simc-pi", replace(LAG, denominator=(1.0, 0.1, 0.5)), {}, "the half rule needs real stable poles"),
+        ("simc-pi", replace(LAG, denominator=(1.0,)), {}, "the half rule needs real stable poles; this model has others or none"),
+        ("simc-pi", replace(LAG, numerator=(0.0, 1.0), denominator=(1.0, 2.0, 1.0)), {}, "the model's gain at rest is 0"),
         ("simc-pi", replace(LAG, numerator=(1.0, 0.1), denominator=(1.0, 0.5, 0.01)), {}, "zeros in the right half plane only"),
         ("lambda", LAG, {"reading": "guess"}, "there is no reading 'guess' of a step response; there are tangent, 63"),
         ("tyreus-luyben", LAG, {"ultimate_gain": 2.0}, "ultimate_gain alone is half an ultimate point"),

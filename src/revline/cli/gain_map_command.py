@@ -22,12 +22,15 @@ if TYPE_CHECKING:
 
 THROTTLE, LOAD, SPEED = "throttle", "load_torque", "engine_speed"
 
+FLOOR = (0.25, 0.0)
+"""Share of the best ki, and smallest ki, where nothing else is asked for."""
+
 HEADER = ("throttle [deg]", "load [N m]", "speed [rad/s]", "unstable roots", "largest kp", "best kp", "best ki", "")
 
 ThrottlesOption = Annotated[str, typer.Option("--throttle", metavar="A1,A2,..", help="Throttle angles of the map [deg], rising.")]
 LoadsOption = Annotated[str, typer.Option("--load", metavar="T1,T2,..", help="Load torques of the map [N m], rising.")]
 KdOption = Annotated[float, typer.Option("--kd", metavar="KD", help="Derivative gain at all points [deg s/(rad/s)].")]
-MsOption = Annotated[float, typer.Option("--ms", metavar="MS", help="Bound of the peak sensitivity.")]
+MsOption = Annotated[float, typer.Option("--ms", metavar="MS", help="Bound of the peak sensitivity, above 1 and up to 20.")]
 FixedOption = Annotated[bool, typer.Option("--fixed", help="Find the largest box of the map in which one set of gains holds.")]
 ShareOption = Annotated[
     float, typer.Option("--floor-share", metavar="S", help="With --fixed: smallest ki at each point as a part of the best there, 0 to 1.")
@@ -51,8 +54,8 @@ def gain_map(
     kd: KdOption = 0.0,
     ms: MsOption = 2.0,
     fixed: FixedOption = False,
-    floor_share: ShareOption = 0.25,
-    floor_ki: FloorOption = 0.0,
+    floor_share: ShareOption = FLOOR[0],
+    floor_ki: FloorOption = FLOOR[1],
     box_kd: BoxKdOption = "",
     prove: ProveOption = None,
     schedule: ScheduleOption = False,
@@ -115,8 +118,8 @@ def _asked(*, fixed: bool, floor: tuple[float, float], box_kd: str, prove: float
     from revline.io.number_lists import parse_numbers
 
     if not fixed:
-        if box_kd or prove is not None:
-            message = "--box-kd and --prove are about fixed gains; give --fixed too, or leave them out"
+        if box_kd or prove is not None or floor != FLOOR:
+            message = "--floor-share, --floor-ki, --box-kd and --prove are about fixed gains; give --fixed too, or leave them out"
             raise InvalidInputError(message)
         return None
     if prove is not None and not prove > 0.0:
@@ -127,20 +130,26 @@ def _asked(*, fixed: bool, floor: tuple[float, float], box_kd: str, prove: float
 def _find_fixed(
     shell: Shell, system: "DelaySystem", found: "GainMap", asked: _Asked, workers: int
 ) -> tuple["Mapping[str, object]", "Rows"]:
-    from revline.design.gain_box import find_largest_box
+    from revline.design.gain_box import BoxGains, find_largest_box
     from revline.design.gain_box_limit import limit_boxes
     from revline.design.gain_map import Design, find_gain_map
     from revline.io.common_gain_records import box_record, box_rows
 
-    with shell.busy("largest box"):
-        gains = find_largest_box(system, found, asked.floor)
+    maps = [found]
     for kd in asked.kds:
         with shell.progress(f"gains at kd = {kd:g}") as progress:
-            other = find_gain_map(system, found.grid, Design(kd=kd, peak=found.peak), workers=workers, progress=progress)
-        try:
-            gains = max(gains, find_largest_box(system, other, asked.floor, reference=found), key=lambda entry: entry.box.area)
-        except NotConvergedError as error:
-            shell.warn(f"kd = {kd:g}: {error}")
+            maps.append(find_gain_map(system, found.grid, Design(kd=kd, peak=found.peak), workers=workers, progress=progress))
+    boxes, refusals = list[BoxGains](), list[NotConvergedError]()
+    with shell.busy("largest box"):
+        for one in maps:
+            try:
+                boxes.append(find_largest_box(system, one, asked.floor, reference=found))
+            except NotConvergedError as error:
+                refusals.append(error)
+                shell.warn(f"kd = {one.kd:g}: {error}")
+    if not boxes:
+        raise refusals[0]
+    gains = max(boxes, key=lambda entry: entry.box.area)
     limit: BoxLimit | None = None
     if asked.within is not None and gains.share < 1.0:
         kds = (found.kd, *asked.kds)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from revline.design.gain_columns import peak_columns
+from revline.design.gain_columns import SLACK, peak_columns
 from revline.design.gain_map import Design, GainGrid, GainMap, GainPoint, MapPoint, find_gain_map, solve_point
 from revline.design.sensitivity_contour import find_peaks
 from revline.errors import InvalidInputError, NotConvergedError, out_of_range
@@ -166,7 +166,7 @@ def find_largest_box(system: DelaySystem, found: GainMap, floor: Floor, *, refer
 
     Raises:
         InvalidInputError: the map has fewer than two values on an axis, or the reference has another grid.
-        NotConvergedError: no gains hold even one cell of the grid.
+        NotConvergedError: no gains hold even one cell of the grid, or those that hold its lines fail between them.
     """
     reference = reference or found
     if min(found.grid.shape) < 2 or found.grid.shape != reference.grid.shape:
@@ -188,6 +188,11 @@ def find_largest_box(system: DelaySystem, found: GainMap, floor: Floor, *, refer
     tried = {place: try_gains(own, ask, floor, place, (kp, ki)) for place in (*box.corners, *box.grid(INSIDE))}
     step = (box.first_high - box.first_low) / (INSIDE - 1), (box.second_high - box.second_low) / (INSIDE - 1)
     worst_at = _climb(box, step, tried, lambda place: try_gains(own, ask, floor, place, (kp, ki)))
+    worst, tightest = tried[worst_at][0], min(slack for _, slack in tried.values())
+    if worst > found.peak * (1.0 + SLACK) or tightest < 1.0:
+        words = f"have a peak of {worst:.4g} at {found.words(worst_at)} and {tightest:.3g} times the ki that the floor asks for at least"
+        message = f"gains that hold the lines of the map do not between them: kp = {kp:.4g}, ki = {ki:.4g} {words}; take a finer map"
+        raise NotConvergedError(message, worst=worst, tightest=tightest)
     return BoxGains(
         box=box,
         share=box.area / whole.area,
@@ -196,9 +201,9 @@ def find_largest_box(system: DelaySystem, found: GainMap, floor: Floor, *, refer
         kd=found.kd,
         peak=found.peak,
         floor=floor,
-        worst=tried[worst_at][0],
+        worst=worst,
         worst_at=worst_at,
-        tightest=min(slack for _, slack in tried.values()),
+        tightest=tightest,
         tried=len(tried),
     )
 
@@ -291,7 +296,7 @@ def _more_lines(axis: Floats, pair: tuple[int, int]) -> Floats:
         if k in (0, axis.size - 1):
             continue
         lines += [np.linspace(axis[j], axis[j + 1], LINES + 1) for j in (k - 1, k)]
-    return np.unique(np.round(np.concatenate(lines), 9))
+    return np.unique(np.concatenate(lines))
 
 
 def _box(found: GainMap, ends: tuple[int, int, int, int]) -> Box:

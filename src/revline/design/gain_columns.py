@@ -4,6 +4,7 @@ On a column the ellipses of each frequency, |q + j w kd + kp - j ki/w| < |q|/Ms,
 them and is stable keeps the peak of the sensitivity. Source: Astrom, Panagopoulos and Hagglund (1998), Automatica 34(5), 585-601.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -25,6 +26,12 @@ BEYOND = 100.0
 
 BEYOND_POINTS = 60
 """At how many frequencies there."""
+
+LARGEST_PEAK = 20.0
+"""Largest bound of the sensitivity's peak."""
+
+FINE_TO = 2.0
+"""Up to this peak the region's own frequencies do; twice the peak takes twice as many."""
 
 SLACK = 1e-3
 """How far the middle of an upper interval may exceed the peak: more, and it is a crack between the ellipses of neighbouring frequencies."""
@@ -128,14 +135,29 @@ class Ellipses(NamedTuple):
     q: NDArray[np.complex128]
 
 
-def find_ellipses(region: GainRegion) -> Ellipses:
-    """Evaluate a plant at the frequencies of its region, and at some beyond.
+def check_peak(peak: float) -> None:
+    """Refuse a bound of the sensitivity's peak that says nothing, or for which the ellipses would be too small to meet.
+
+    Raises:
+        InvalidInputError: it is not above 1, or above 20.
+    """
+    if not 1.0 < peak <= LARGEST_PEAK:
+        limit = f"values above 1, up to {LARGEST_PEAK:g}"
+        raise out_of_range("peak of the sensitivity", peak, "", limit, "give one such as 1.4, 1.7 or 2; see the stabilising gains for more")
+
+
+def find_ellipses(region: GainRegion, peak: float = 2.0) -> Ellipses:
+    """Evaluate a plant at the frequencies of its region, at some beyond, and in between where the ellipses of a peak are small.
 
     Args:
         region: of the plant.
+        peak: the largest Ms that the ellipses are for.
     """
     last = region.omega[-1]
     omega = np.concatenate((region.omega, np.geomspace(last, BEYOND * last, BEYOND_POINTS)[1:]))
+    parts = math.ceil(peak / FINE_TO)
+    count = parts * (omega.size - 1) + 1
+    omega = np.exp(np.interp(np.arange(count) / parts, np.arange(omega.size), np.log(omega))) if parts > 1 else omega
     with np.errstate(over="ignore"):
         return Ellipses(omega, region.family.inverse(AXIS.points(omega)))
 
@@ -144,19 +166,18 @@ def peak_columns(region: GainRegion, kp: Floats, peak: float, ellipses: Ellipses
     """Find the gains on columns that keep the peak of the sensitivity at or below a value.
 
     Args:
-        region: of one plant and kd; its frequencies are those of the ellipses, between which neighbours change q by 2 %, so that an end
-            is too wide by some 1e-4 at most.
+        region: of one plant and kd; its frequencies are those of the ellipses, between which neighbours change q by 2 % (less for a
+            larger peak, whose ellipses are smaller), so that the peak at an end is exceeded by some 1e-4 at most.
         kp: of the columns, rising.
-        peak: Ms, above 1.
-        ellipses: of the region, where they are at hand.
+        peak: Ms, above 1, up to 20.
+        ellipses: of the region for this peak or a larger one, where they are at hand.
 
     Raises:
-        InvalidInputError: the peak is not above 1.
+        InvalidInputError: the peak is not above 1, or above 20.
     """
-    if not 1.0 < peak < np.inf:
-        raise out_of_range("peak of the sensitivity", peak, "", "values above 1", "give one such as 1.4, 1.7 or 2")
+    check_peak(peak)
     top = region.window.ki_high
-    bottom, ceiling = _forbidden(region.family.kd, ellipses or find_ellipses(region), kp, peak)
+    bottom, ceiling = _forbidden(region.family.kd, ellipses or find_ellipses(region, peak), kp, peak)
     order = np.argsort(bottom, axis=1)
     bottom, ceiling = np.take_along_axis(bottom, order, axis=1), np.take_along_axis(ceiling, order, axis=1)
     level = np.maximum.accumulate(np.maximum(ceiling, 0.0), axis=1)

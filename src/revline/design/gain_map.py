@@ -16,11 +16,11 @@ from revline.analysis.linearize import linearize
 from revline.analysis.threads import Failure, Progress, run_each
 from revline.analysis.trim import Trim, find_trim
 from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals
-from revline.design.gain_columns import Ellipses, GainColumns, find_ellipses, intersect_columns, peak_columns, stable_columns
+from revline.design.gain_columns import Ellipses, GainColumns, check_peak, find_ellipses, intersect_columns, peak_columns, stable_columns
 from revline.design.gain_region import GainRegion, find_gain_region
 from revline.design.loop_family import family_of_system
 from revline.design.sensitivity_contour import find_peaks
-from revline.errors import InvalidInputError, NoTrimError, RevlineError, out_of_range
+from revline.errors import InvalidInputError, NoTrimError, RevlineError
 from revline.system import DelaySystem, Variable, index_of
 from revline.values import make_read_only
 
@@ -209,7 +209,7 @@ class Design(NamedTuple):
 
     Attributes:
         kd: derivative gain.
-        peak: bound of the sensitivity, Ms, above 1.
+        peak: bound of the sensitivity, Ms, above 1, up to 20.
         wires: which signals close the loop.
     """
 
@@ -236,12 +236,11 @@ def find_gain_map(
         The map; where it was interrupted, with the points that were finished.
 
     Raises:
-        InvalidInputError: an axis is no signal of the system, its values are out of range, or the peak is not above 1.
+        InvalidInputError: an axis is no signal of the system, its values are out of range, or the peak is not above 1, or above 20.
         AnalysisError: no point has a trim.
     """
     design = design or Design()
-    if not 1.0 < design.peak < math.inf:
-        raise out_of_range("peak of the sensitivity", design.peak, "", "values above 1", "give one such as 1.4, 1.7 or 2")
+    check_peak(design.peak)
     units = _check_axes(system, grid, design.wires)
     rows = [tuple((float(a), float(b)) for a in grid.first_values) for b in grid.second_values]
     task = partial(_follow_row, system, grid, design)
@@ -343,7 +342,7 @@ def _with_gains(system: DelaySystem, design: Design, place: tuple[float, float],
     region = find_gain_region(family_of_system(model, kd=design.kd, wires=design.wires, name=system.name, roots=trim.roots))
     window = region.window
     kp = np.linspace(window.kp_low, window.kp_high, COLUMNS)
-    ellipses = find_ellipses(region)
+    ellipses = find_ellipses(region, design.peak)
     stable, allowed = stable_columns(region, kp), peak_columns(region, kp, design.peak, ellipses)
     best = None if allowed.empty else best_gains(region, ellipses, allowed, design.peak)
     reason = ""

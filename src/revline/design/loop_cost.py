@@ -12,17 +12,19 @@ Source: Astrom and Hagglund (2006), Advanced PID Control, sections 4.4 to 4.9; D
 """
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from revline.errors import out_of_range
+from revline.errors import NotConvergedError, out_of_range
 from revline.units import Seconds
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+Source = Callable[[Complexes], tuple[Complexes, Complexes]]
 
 SAMPLES = 4096
 """Samples of the transform's period; half of them are the horizon."""
@@ -32,6 +34,24 @@ GRID = 900
 
 BINS = 10
 """Parts of the frequency range whose peaks are constraints of their own, so that two peaks of one height do not hide one another."""
+
+SHARP = 0.1
+"""Poles that are so little damped have frequencies of their own on the grid of peaks, which else would miss how fast the phase turns."""
+
+ABOUT = tuple(math.sinh(0.25 * k) for k in range(-16, 17))
+"""Where these lie about the pole's, in its distance from the axis."""
+
+LARGEST_TAIL = 1e-3
+"""Part of the largest error that may be left in the last tenth of the horizon; the integral misses about half of that part."""
+
+LARGEST_CHANGE = 1e-2
+"""Part by which half the frequencies may change an integrated error: four times what is missing, or more."""
+
+LARGEST_BEYOND = 0.5
+"""Loop gain at the highest frequency of the peaks: a peak beyond it is below 2."""
+
+TRIES = 12
+"""How often a horizon is doubled or halved."""
 
 GAINS = ("kp", "ki", "kd", "b")
 """What may be chosen; b is the set-point weight."""
@@ -58,6 +78,8 @@ class LoopGrid:
         horizon: time over which errors are integrated, in s.
         filter_time: of the derivative, in s.
         unstable_poles: of the plant.
+        poles: of the plant, the rightmost at least.
+        source: gives the plant's responses to control and load on complex s of shape (n,).
     """
 
     s: Complexes
@@ -68,25 +90,63 @@ class LoopGrid:
     horizon: Seconds
     filter_time: Seconds
     unstable_poles: int
+    poles: Complexes
+    source: Source
+
+    @classmethod
+    def make(cls, source: Source, horizon: Seconds, *, filter_time: Seconds, unstable_poles: int, poles: Complexes) -> "LoopGrid":
+        """Evaluate a plant for a horizon, its peaks also where poles near the axis are.
+
+        Raises:
+            InvalidInputError: the horizon is not positive, or the filter's time is none.
+        """
+        check_horizon(horizon)
+        if not (math.isfinite(filter_time) and filter_time >= 0.0):
+            raise out_of_range("filter time of the derivative", filter_time, "s", "0 and above", "give one, 0 for none")
+        s = np.asarray(1j * math.pi / horizon * np.arange(SAMPLES // 2 + 1), dtype=np.complex128)
+        low, high = 1e-2 / horizon, 0.5 * float(abs(s[-1]))
+        sharp = poles[np.abs(poles.real) < SHARP * poles.imag]
+        about = (sharp.imag[:, None] + np.abs(sharp.real[:, None]) * np.array(ABOUT)).ravel()
+        omega = np.unique(np.concatenate((np.geomspace(low, high, GRID), about[(about > low) & (about < high)])))
+        plant, load = source(s)
+        return cls(
+            s=s,
+            plant=plant,
+            load=load,
+            omega=omega,
+            at_peaks=source(np.asarray(1j * omega, dtype=np.complex128))[0],
+            horizon=horizon,
+            filter_time=filter_time,
+            unstable_poles=unstable_poles,
+            poles=poles,
+            source=source,
+        )
 
     @property
     def spacing(self) -> Seconds:
         """Time between samples of the responses."""
         return self.horizon / (self.s.size - 1)
 
+    def with_horizon(self, horizon: Seconds) -> "LoopGrid":
+        """The same plant for another horizon."""
+        return LoopGrid.make(self.source, horizon, filter_time=self.filter_time, unstable_poles=self.unstable_poles, poles=self.poles)
+
     def coarser(self) -> "LoopGrid":
         """The same with half the highest frequency, for an estimate of the error."""
         half = self.s.size // 2 + 1
-        return LoopGrid(
-            s=self.s[:half],
-            plant=self.plant[:half],
-            load=self.load[:half],
-            omega=self.omega,
-            at_peaks=self.at_peaks,
-            horizon=self.horizon,
-            filter_time=self.filter_time,
-            unstable_poles=self.unstable_poles,
-        )
+        return replace(self, s=self.s[:half], plant=self.plant[:half], load=self.load[:half])
+
+
+class Accuracy(NamedTuple):
+    """What a cost's numbers are worth.
+
+    `tail` is as in `Cost`; `change` the part by which half the frequencies change an integrated error; `beyond` the loop gain at the
+    highest frequency at which peaks are sought.
+    """
+
+    tail: float
+    change: float
+    beyond: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -132,6 +192,52 @@ def find_cost(grid: LoopGrid, terms: Terms) -> Cost:
         stable=_is_stable(grid, terms),
         tail=tail,
     )
+
+
+def find_accuracy(grid: LoopGrid, terms: Terms) -> Accuracy:
+    """Tell what the costs of a stable loop are worth on a grid.
+
+    Args:
+        grid: of the plant.
+        terms: of the controller.
+    """
+    fine, rough = find_cost(grid, terms), find_cost(grid.coarser(), terms)
+    change = max(abs(rough.load / fine.load - 1.0), abs(rough.setpoint / fine.setpoint - 1.0))
+    top = 1j * grid.omega[-1]
+    law = terms.kp + terms.ki / top + terms.kd * top / (grid.filter_time * top + 1.0)
+    return Accuracy(fine.tail, change, float(abs(grid.at_peaks[-1] * law)))
+
+
+def fit_horizon(grid: LoopGrid, terms: Terms) -> LoopGrid:
+    """Double or halve a grid's horizon until the costs of a stable loop are worth something on it.
+
+    Args:
+        grid: of the plant; it comes back itself where it does.
+        terms: of the controller.
+
+    Raises:
+        NotConvergedError: the loop settles too slowly for how fast it is.
+    """
+    factors: set[float] = set()
+    found = find_accuracy(grid, terms)
+    for _ in range(TRIES):
+        if found.tail > LARGEST_TAIL:
+            factors.add(2.0)
+        elif found.change > LARGEST_CHANGE or found.beyond > LARGEST_BEYOND:
+            factors.add(0.5)
+        else:
+            return grid
+        if len(factors) > 1:
+            break
+        grid = grid.with_horizon(grid.horizon * max(factors))
+        found = find_accuracy(grid, terms)
+    message = (
+        f"errors over {grid.horizon:g} s at {SAMPLES // 2} times: {found.tail:.2g} of the largest is left at the end (at most "
+        f"{LARGEST_TAIL:g}), half the frequencies change the integrals by {found.change:.2g} (at most {LARGEST_CHANGE:g}), and the loop's "
+        f"gain is still {found.beyond:.2g} at the highest (at most {LARGEST_BEYOND:g}): the loop settles too slowly for how fast it is; "
+        "damp it better, or filter the derivative"
+    )
+    raise NotConvergedError(message, tail=found.tail, change=found.change, beyond=found.beyond)
 
 
 def find_errors(grid: LoopGrid, terms: Terms) -> tuple[Floats, Floats, Floats]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals
-from revline.design.loop_cost import GAINS, GRID, SAMPLES, Cost, LoopGrid, Terms, check_horizon, find_cost
+from revline.design.loop_cost import GAINS, Complexes, Cost, LoopGrid, Source, Terms, find_cost
 from revline.design.tuning_plant import TuningPlant
 from revline.errors import InvalidInputError, out_of_range
 from revline.lti.roots import characteristic_roots
@@ -24,13 +24,13 @@ PENALTY = 1e3
 """Cost of an unstable loop: far above any that is stable."""
 
 LARGEST = 50.0
-"""No gain is larger than this multiple of the plant's own scale."""
+"""No gain is larger than this multiple of the plant's own scale in a first search."""
 
 LEAST_INTEGRAL = 1e-4
 """Without integral action a load leaves an error for ever: it never is less than this in the plant's scale."""
 
 TIME_CONSTANTS = 14.0
-"""Horizon in the plant's lags."""
+"""Horizon in the plant's slowest lag, or its delay where that is longer."""
 
 
 class Objective(Enum):
@@ -39,7 +39,7 @@ class Objective(Enum):
     LOAD = "load"
     SETPOINT = "setpoint"
     BOTH = "both"
-    """The sum of both, each as a part of what it is at the first start, or in its own unit where there is none."""
+    """The sum of both, each in its own unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,6 +111,7 @@ class Problem:
     objective: Objective
     free: tuple[int, ...]
     base: Floats
+    largest: float = LARGEST
     best: Candidate | None = None
     evaluations: int = 0
     _memory: dict[bytes, tuple[Cost, ...]] = field(default_factory=dict)
@@ -125,8 +126,8 @@ class Problem:
             InvalidInputError: a name is unknown or there is none, there is no point, or the effort has no bound that means anything.
         """
         unknown = [name for name in free if name not in GAINS]
-        if unknown or not free:
-            message = f"what is free is {', '.join(free) or 'nothing'}; it is one or more of {', '.join(GAINS)}"
+        if unknown or not free or len(set(free)) < len(free):
+            message = f"what is free is {', '.join(free) or 'nothing'}; it is one or more of {', '.join(GAINS)}, each once"
             raise InvalidInputError(message)
         if not grids:
             message = "there is no operating point to optimise for; give one"
@@ -150,7 +151,8 @@ class Problem:
     @property
     def box(self) -> list[tuple[float, float]]:
         """Range of each unknown."""
-        return [(LEAST_INTEGRAL if k == 1 else 0.0, 1.0 if k == 3 else LARGEST) for k in self.free]
+        lowest = {GAINS.index("kp"): -self.largest, GAINS.index("ki"): LEAST_INTEGRAL}
+        return [(lowest.get(k, 0.0), 1.0 if k == 3 else self.largest) for k in self.free]
 
     def pack(self, terms: Terms) -> Floats:
         """Unknowns of some gains."""
@@ -194,8 +196,16 @@ class Problem:
         found = self.costs(place)
         if not all(cost.stable for cost in found):
             return np.full(len(self.free), PENALTY)
-        worst = max(found, key=self._cost)
-        load, setpoint = worst.gradients[0], worst.gradients[1]
+        return self._slope(max(found, key=self._cost))
+
+    def slopes_of_worst(self, place: Floats, part: float) -> list[Floats]:
+        """Gradients of the costs of all points that cost the most, or less than that by a small part."""
+        found = self.costs(place)
+        most = max(self._cost(cost) for cost in found)
+        return [self._slope(cost) for cost in found if self._cost(cost) >= (1.0 - part) * most]
+
+    def _slope(self, cost: Cost) -> Floats:
+        load, setpoint = cost.gradients[0], cost.gradients[1]
         whole = {Objective.LOAD: load, Objective.SETPOINT: setpoint, Objective.BOTH: load + setpoint}[self.objective]
         return self._free(whole)
 
@@ -272,34 +282,42 @@ def make_grid(
         load: name of the load's input.
         wires: which signals close the loop.
         filter_time: of the derivative, in s.
-        horizon: over which errors are integrated, in s; some of the plant's slowest time constants by default.
+        horizon: over which errors are integrated, in s; some of the plant's slowest time constants, or delays, by default.
 
     Raises:
-        InvalidInputError: the plant has no such signals, or the horizon is none.
+        InvalidInputError: the plant has no such signals or integrates, or the horizon is none.
     """
     if isinstance(plant, TransferFunction):
-        roots = plant.poles
+        roots, delay = plant.poles, plant.delay
         unstable = int(np.count_nonzero(roots.real > 0.0))
     else:
         found = characteristic_roots(plant)
-        roots, unstable = found.roots, int(found.unstable_count)
+        roots, unstable, delay = found.roots, int(found.unstable_count), float(np.sum(plant.lags))
+    if np.any(roots == 0.0):
+        message = "the plant integrates (pole at s = 0), and costs are computed for plants that come to rest only; use a tuning rule"
+        raise InvalidInputError(message)
     slowest = float(np.min(np.abs(roots.real), initial=math.inf, where=roots.real != 0.0))
-    span = TIME_CONSTANTS / slowest if horizon is None else horizon
-    check_horizon(span)
-    s = np.asarray(1j * math.pi / span * np.arange(SAMPLES // 2 + 1), dtype=np.complex128)
-    omega = np.geomspace(1e-2 / span, 0.5 * float(abs(s[-1])), GRID)
+    span = TIME_CONSTANTS * max(1.0 / slowest, delay) if horizon is None else horizon
+    return LoopGrid.make(_source(plant, load, wires), span, filter_time=filter_time, unstable_poles=unstable, poles=roots)
+
+
+def _source(plant: DelayStateSpace | TransferFunction, load: str, wires: LoopSignals) -> Source:
+    """A plant's responses to control and load."""
     if isinstance(plant, TransferFunction):
-        of_control, at_peaks = np.asarray(plant(s)), np.asarray(plant(1j * omega))
-        of_load = of_control
-    else:
-        drive, acts = position(plant.inputs, wires.drive), position(plant.inputs, load)
-        row = position(plant.outputs, wires.measurement)
+
+        def alike(s: Complexes) -> tuple[Complexes, Complexes]:
+            values = np.asarray(plant(s))
+            return values, values
+
+        return alike
+    drive, acts = position(plant.inputs, wires.drive), position(plant.inputs, load)
+    row = position(plant.outputs, wires.measurement)
+
+    def apart(s: Complexes) -> tuple[Complexes, Complexes]:
         whole = plant.transfer(s)[:, row]
-        of_control, of_load = np.asarray(whole[:, drive]), np.asarray(whole[:, acts])
-        at_peaks = np.asarray(plant.transfer(1j * omega)[:, row, drive])
-    return LoopGrid(
-        s=s, plant=of_control, load=of_load, omega=omega, at_peaks=at_peaks, horizon=span, filter_time=filter_time, unstable_poles=unstable
-    )
+        return np.asarray(whole[:, drive]), np.asarray(whole[:, acts])
+
+    return apart
 
 
 def find_scale(plant: TuningPlant) -> Scale:

@@ -129,19 +129,19 @@ def from_lag(rule: str, tune: Callable[[lags.Lag], ParallelForm]) -> Callable[[T
 
 
 def from_weighted_lag(rule: str, tune: Callable[[lags.Lag], lags.Weighted]) -> Callable[[TuningPlant, Options], PidGains]:
-    """The same of a rule that recommends a set-point weight."""
+    """The same of a rule that recommends a set-point weight, and whose lag is read at 63.2 %."""
 
     def apply(plant: TuningPlant, options: Options) -> PidGains:
-        lag, details = _lag(plant, options)
+        lag, details = _lag(plant, options, LagReading.SHARE)
         found = tune(lag)
         return _gains(plant, rule, found.gains, {**details, "setpoint_weight": found.setpoint_weight})
 
     return apply
 
 
-def _lag(plant: TuningPlant, options: Options) -> tuple[lags.Lag, Details]:
+def _lag(plant: TuningPlant, options: Options, usual: LagReading = LagReading.TANGENT) -> tuple[lags.Lag, Details]:
     """Lag with delay of a plant, and what it is like."""
-    wish = str(options.get("reading", LagReading.TANGENT.value))
+    wish = str(options.get("reading", usual.value))
     if wish not in {reading.value for reading in LagReading}:
         message = f"there is no reading {wish!r} of a step response; there are {', '.join(reading.value for reading in LagReading)}"
         raise InvalidInputError(message, reading=wish)

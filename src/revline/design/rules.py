@@ -147,7 +147,7 @@ TUNING_RULES: Final = (
         summary="PI for a maximum sensitivity near 1.4",
         source=f"{ADVANCED_PID}, section 7.4",
         validity="stable plants with a delay",
-        options=(READING,),
+        options=(replace(READING, default="63"),),
         tune=making.from_weighted_lag("amigo-pi", lags.tune_pi_amigo),
     ),
     TuningRule(
@@ -155,7 +155,7 @@ TUNING_RULES: Final = (
         summary="PID for a maximum sensitivity near 1.4, with its set-point weight",
         source=f"{ADVANCED_PID}, section 7.5",
         validity="stable plants with a delay",
-        options=(READING,),
+        options=(replace(READING, default="63"),),
         tune=making.from_weighted_lag("amigo", lags.tune_pid_amigo),
     ),
     TuningRule(

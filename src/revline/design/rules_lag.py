@@ -199,7 +199,8 @@ def _simc(plant: Lag, closed_loop_lag: float) -> tuple[float, float]:
 
 def _require_lag(plant: Lag, closed_loop_lag: float) -> None:
     if not (math.isfinite(closed_loop_lag) and closed_loop_lag > 0.0):
-        raise out_of_range("closed-loop lag", closed_loop_lag, "s", "the positive numbers", f"the delay, {plant.delay:g} s, is usual")
+        usual = f"the delay, {plant.delay:g} s, is usual" if plant.delay > 0.0 else "this plant has no delay to take for it; give one"
+        raise out_of_range("closed-loop lag", closed_loop_lag, "s", "the positive numbers", usual)
 
 
 def _require_positive_delay(plant: Lag, rule: str) -> None:

@@ -176,7 +176,7 @@ def _nodes(found: GainMap) -> list[list[GainPoint]]:
         for j in range(m):
             point = found.points[i + j * n]
             if isinstance(point, LostPoint) or point.best is None:
-                message = f"no gains at the node {found.words(point.place)}: {point.reason} A schedule needs gains at each; move the axes"
+                message = f"no gains at the node {found.words(point.place)}: {point.reason}. A schedule needs gains at each; move the axes"
                 raise NotConvergedError(message)
             row.append(point)
         rows.append(row)

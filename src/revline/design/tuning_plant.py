@@ -17,6 +17,7 @@ from revline.design.open_loop import OpenLoop, open_loop_of_model, open_loop_of_
 from revline.design.step_tangent import StepTangent, TangentReading, measure_step_tangent
 from revline.design.ultimate import UltimatePoint, find_ultimate_point
 from revline.errors import InvalidInputError
+from revline.lti.interconnection import select, series, to_state_space
 from revline.lti.roots import characteristic_roots
 from revline.lti.state_space import DelayStateSpace, position
 from revline.lti.time_response import sample_times, step_response
@@ -33,7 +34,11 @@ DECAYS = 12.0
 
 
 WEAK = 0.1
-"""Loop gain at rest from which the ultimate gain is sought: a stable plant's loop is stable there."""
+"""Loop gain at rest, or at 1 rad/s, from which the ultimate gain is sought."""
+
+
+REAL = 1e-3
+"""A root counts as real up to this part of imaginary part: roots of a polynomial that are m times the same are known to 1e-16^(1/m)."""
 
 
 class LagReading(Enum):
@@ -146,15 +151,33 @@ class TuningPlant:
         """The ultimate point, exact.
 
         Raises:
-            InvalidInputError: the plant's gain is negative.
-            AnalysisError: no gain makes the loop oscillate.
+            InvalidInputError: the plant is stable and its gain is negative.
+            AnalysisError: there is no gain up to which the loop is stable and at which it oscillates.
         """
-        weak = WEAK / abs(self.static_gain)
-        if self.static_gain < 0.0:
+        begin = WEAK / self._size
+        if self._rises_against and self.loop(self._gains(begin)).stable:
             message = f"{self.name} answers against its input (gain {self.static_gain:g}); turn the sign of the input round and tune again"
             raise InvalidInputError(message, gain=self.static_gain)
-        found = find_ultimate_point(self.loop(self._gains(weak)))
-        return replace(found, gain=found.gain * weak)
+        return find_ultimate_point(lambda kp: self.loop(self._gains(kp)), begin=begin)
+
+    @property
+    def _integrates(self) -> bool:
+        """Whether a transfer function has a pole at 0, so that there is no gain at rest."""
+        return isinstance(self.plant, TransferFunction) and self.plant.denominator[0] == 0.0
+
+    @property
+    def _rises_against(self) -> bool:
+        return not self._integrates and self.static_gain < 0.0
+
+    @property
+    def _size(self) -> float:
+        """Size of the gain at rest; of a plant that integrates or rests at 0 that at 1 rad/s."""
+        if not self._integrates and self.static_gain != 0.0:
+            return abs(self.static_gain)
+        if isinstance(self.plant, TransferFunction):
+            return float(abs(self.plant(1j)))
+        row, drive = position(self.plant.outputs, self.wires.measurement), position(self.plant.inputs, self.wires.drive)
+        return float(abs(self.plant.transfer(np.array([1j]))[0, row, drive]))
 
     def lag(self, reading: LagReading) -> DelayedLag:
         """Read a lag with delay from the exact step response.
@@ -179,11 +202,33 @@ class TuningPlant:
             gain=self.static_gain, lag=lag, delay=delay, reading=reading, largest_difference=float(np.max(np.abs(alike - share)))
         )
 
-    def loop(self, gains: PidGains) -> OpenLoop:
-        """The loop of the plant under some gains, its delay exact."""
+    def loop(self, gains: PidGains, *, filter_time: Seconds = 0.0) -> OpenLoop:
+        """The loop of the plant under some gains, its delay exact.
+
+        A filtered derivative, kd s/(Tf s + 1), is the same as gains kp + ki Tf, ki and kd + kp Tf before a lag Tf, which joins the plant.
+
+        Args:
+            gains: of the controller.
+            filter_time: Tf of its derivative, in s; 0 for none.
+        """
+        if filter_time > 0.0:
+            kp, ki, kd = gains.kp, gains.ki, gains.kd
+            return self._behind(filter_time).loop(replace(gains, kp=kp + ki * filter_time, kd=kd + kp * filter_time))
         if isinstance(self.plant, TransferFunction):
             return open_loop_of_model(self.plant, gains, name=self.name)
         return open_loop_of_system(self.plant, gains, wires=self.wires, name=self.name)
+
+    def _behind(self, lag: Seconds) -> "TuningPlant":
+        """The plant with a lag before what is driven."""
+        plant = self.plant
+        if isinstance(plant, TransferFunction):
+            denominator = tuple(np.polynomial.polynomial.polymul(plant.denominator, (1.0, lag)).tolist())
+            return replace(self, plant=replace(plant, denominator=denominator))
+        drive = position(plant.inputs, self.wires.drive)
+        unit = plant.inputs[drive].unit
+        model = TransferFunction(numerator=(1.0,), denominator=(1.0, lag), input_unit=unit, output_unit=unit)
+        first = to_state_space(model, input_name=self.wires.drive, output_name=self.wires.drive)
+        return replace(self, plant=series(first, select(plant, (drive,), range(len(plant.outputs)))))
 
     @functools.cached_property
     def _step(self) -> tuple[Floats, Floats]:
@@ -245,10 +290,15 @@ def reduce_by_half_rule(model: TransferFunction, *, order: int) -> tuple[float, 
         Skogestad (2003), Journal of Process Control 13(4), 291-309, section 2.
     """
     poles, zeros = model.poles, model.zeros
-    if np.any(np.abs(poles.imag) > 1e-9 * np.abs(poles)) or np.any(poles.real >= 0.0):
-        message = "the half rule needs real stable poles; this model has others: fit one lag with delay, or use an ultimate-gain rule"
+    if not poles.size or np.any(np.abs(poles.imag) > REAL * np.abs(poles)) or np.any(poles.real >= 0.0):
+        message = (
+            "the half rule needs real stable poles; this model has others or none: fit one lag with delay, or use an ultimate-gain rule"
+        )
         raise InvalidInputError(message)
-    if np.any(np.abs(zeros.imag) > 1e-9 * np.abs(zeros)) or np.any(zeros.real < 0.0):
+    if model.static_gain == 0.0:
+        message = "the model's gain at rest is 0, so that no controller holds a command; the half rule needs a plant that answers for good"
+        raise InvalidInputError(message)
+    if np.any(np.abs(zeros.imag) > REAL * np.abs(zeros)) or np.any(zeros.real < 0.0):
         message = "the half rule as it stands here takes zeros in the right half plane only; fit a model without zeros"
         raise InvalidInputError(message)
     lags = sorted((1.0 / -poles.real).tolist(), reverse=True)

@@ -29,7 +29,8 @@ class UltimateComparison:
     Attributes:
         exact: of the exact linear model, continuous.
         sampled: of the exact linear model as the samples of the bisected loop see it.
-        predicted: what the relay's describing function reads from the exact linear model's own oscillation: harmonics alone.
+        predicted: what the relay's describing function reads from the exact linear model's own oscillation.
+        without_hysteresis: the same of a relay that has none: harmonics alone.
         relay: the experiment on the plant.
         bisected: the reserve of a proportional controller, found on the plant.
         bisected_gain: gain that it started from.
@@ -40,6 +41,7 @@ class UltimateComparison:
     exact: UltimatePoint
     sampled: UltimatePoint
     predicted: RelayPrediction
+    without_hysteresis: RelayPrediction
     relay: RelayExperiment
     bisected: GainReserve
     bisected_gain: float
@@ -56,11 +58,13 @@ class UltimateComparison:
     def reasons(self) -> tuple[str, ...]:
         """What makes each way differ from the exact one, with its size."""
         exact, relay = self.exact.gain, self.relay.ultimate.gain
-        harmonics, rest = self.predicted.gain / exact - 1.0, relay / self.predicted.gain - 1.0
+        harmonics, rest = self.without_hysteresis.gain / exact - 1.0, relay / self.predicted.gain - 1.0
+        wider, hysteresis = self.predicted.gain / self.without_hysteresis.gain - 1.0, self.relay.task.hysteresis
+        of_hysteresis = f"{_percent(wider)} because of its hysteresis of {hysteresis:g}, " if hysteresis > 0.0 else ""
         sampling, plant = self.sampled.gain / exact - 1.0, self.bisection.gain / self.sampled.gain - 1.0
         of_relay = (
             f"the relay reads {_percent(relay / exact - 1.0)} off the exact gain: {_percent(harmonics)} because its square wave has "
-            f"harmonics and it looks every {1e3 * self.relay.task.period:g} ms (the exact model under the same relay), {_percent(rest)} "
+            f"harmonics and it looks every {1e3 * self.relay.task.period:g} ms (the exact model under the same relay), {of_hysteresis}{_percent(rest)} "
             f"because the plant is not linear at an amplitude of {self.relay.amplitude:.3g} (mean shift {self.relay.mean_shift:+.3g}, "
             f"duty {self.relay.duty:.3f} where a linear plant has 0.5) and a period is read to one look"
         )
@@ -103,10 +107,11 @@ def compare_ultimate_points(
     def proportional(kp: float) -> PidGains:
         return PidGains(kp=kp, ki=0.0, kd=0.0, input_unit=unit, output_unit=drive.unit, rule="proportional", designed_on=plant.name)
 
-    exact = find_ultimate_point(open_loop_of_system(model, proportional(1.0), wires=wires, name=plant.name))
+    exact = find_ultimate_point(lambda kp: open_loop_of_system(model, proportional(kp), wires=wires, name=plant.name))
     sampled_plant = sampled_plant_of_system(model, wires=wires, name=plant.name)
-    predicted = predict_relay(
-        sampled_plant.transfer, task.amplitude, exact.frequency, hysteresis=task.hysteresis, extra_delay=task.period / 2.0
+    predicted, plain = (
+        predict_relay(sampled_plant.transfer, task.amplitude, exact.frequency, hysteresis=width, extra_delay=task.period / 2.0)
+        for width in (task.hysteresis, 0.0)
     )
     point = operating_point(trim, wires)
     relay = run_relay(plant, point, task, wires=wires)
@@ -124,6 +129,7 @@ def compare_ultimate_points(
         exact=exact,
         sampled=sampled,
         predicted=predicted,
+        without_hysteresis=plain,
         relay=relay,
         bisected=bisected,
         bisected_gain=begin,

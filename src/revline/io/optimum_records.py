@@ -7,9 +7,11 @@ from revline.design.competitors import Comparison, Competitor
 from revline.design.controller import PidGains
 from revline.design.loop_cost import Cost
 from revline.design.margins import find_margins
+from revline.design.open_loop import OpenLoop
 from revline.design.optimise import Optimum
 from revline.design.pid_controller import AntiWindup, PidController
 from revline.design.tuning_plant import TuningPlant
+from revline.errors import NotConvergedError
 from revline.io.controller_files import controller_record
 
 SCHEMA: Final = "revline.optimum-comparison/1"
@@ -33,10 +35,10 @@ def optimum_record(
     )
     gains = best.gains(blank)
     controller = PidController(gains=gains, setpoint_weight=best.terms.b, filter_time=filter_time, anti_windup=AntiWindup.NONE)
-    points = [{"point": plant.name, **_cost(cost)} for plant, cost in zip(plants, best.costs, strict=True)]
-    exact = [find_margins(plant.loop(gains)) for plant in plants] if filter_time == 0.0 else []
-    for point, margins in zip(points, exact, strict=False):
-        point |= {"ms_exact": margins.sensitivity.value, "stable": margins.stable}
+    points = []
+    for k, plant in enumerate(plants):
+        evidence = {"horizon_s": best.grids[k].horizon, "change_by_half_the_frequencies": best.accuracies[k].change}
+        points.append({"point": plant.name, **_cost(best.costs[k]), **evidence, **_exact(plant.loop(gains, filter_time=filter_time))})
     return {
         **controller_record(controller, provenance=provenance),
         "objective": objective,
@@ -48,6 +50,14 @@ def optimum_record(
         "searches": best.searches,
         "evaluations": best.evaluations,
     }
+
+
+def _exact(loop: OpenLoop) -> Mapping[str, object]:
+    """Stability and peak by another way than the optimisation's."""
+    try:
+        return {"ms_exact": find_margins(loop).sensitivity.value, "stable": loop.stable}
+    except NotConvergedError as error:  # a long delay and a hardly filtered derivative: too many turns to follow each
+        return {"stable": loop.stable, "no_exact_margins": str(error)}
 
 
 def comparison_record(found: Comparison, *, provenance: Mapping[str, float | str]) -> Mapping[str, object]:

@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from revline.design.competitors import Comparison, Competitor
-from revline.design.loop_cost import LoopGrid, Terms, find_errors
+from revline.design.loop_cost import LoopGrid, Terms, find_errors, fit_horizon
 from revline.errors import InvalidInputError
 from revline.report.style import BLUE, VERMILION, WIDE, Quantity, add_legend, drawn, finish_layout, label_axes, new_figure, use_log
 
@@ -78,7 +78,7 @@ def _draw_responses(axes: Axes, one: Competitor, grid: LoopGrid, response: Quant
         (Terms(gains.kp, gains.ki, gains.kd, 1.0), one.name, VERMILION),
         (one.optimum.terms, f"optimum of {one.name}", BLUE),
     ):
-        times, load, _ = find_errors(grid, terms)
+        times, load, _ = find_errors(fit_horizon(grid, terms), terms)
         axes.plot(times, load, color=colour, label=label)
     axes.set_xlim(0.0, min(2.0, float(grid.horizon)))
     label_axes(axes, TIME, response)
