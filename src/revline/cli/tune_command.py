@@ -117,6 +117,7 @@ def tune(
 ) -> None:
     """Tune a PI or PID controller for a model by a rule; the gains are in deg of throttle per rad/s for an engine's model."""
     options = {name: value for name, value in locals().items() if name in NUMBERS_AND_NAMES and value is not None} | _start(start)
+    from revline.design.rule_making import recommended_controller
     from revline.design.rules import tune_by_rule
     from revline.io.controller_files import controller_record
     from revline.io.json_files import format_json
@@ -135,7 +136,7 @@ def tune(
         raise InvalidInputError(WANTED)
     gains = tune_by_rule(rule, plant, options=options)
     loop = loop_record(plant, gains)
-    record = {**controller_record(gains, provenance={"program": PROGRAM, **origin}), "loop": loop}
+    record = {**controller_record(recommended_controller(gains), provenance={"program": PROGRAM, **origin}), "loop": loop}
     shell.write(out, format_json(record), "controller file")
     shell.warn(*loop_words(loop))
     rows = [(gain, getattr(gains, gain), unit) for gain, unit in gains.gain_units.items()]
