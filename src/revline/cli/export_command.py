@@ -1,14 +1,20 @@
 """The command export: a controller as C99, MATLAB, python-control or JSON."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from revline import __version__
-from revline.cli.controllers import TimingChoice, own_limits, read_any_controller
-from revline.cli.loop_command import throttle_limits
+from revline.cli.controllers import (
+    HighOption,
+    LowOption,
+    SetpointWeightOption,
+    TimingChoice,
+    own_limits,
+    read_any_controller,
+    surrounded,
+)
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, QuietOption
 from revline.cli.plants import EngineChoice, find_engine_trim, refuse_engine
 from revline.cli.shell import Facts, Shell
@@ -50,6 +56,9 @@ def export(
     name: NameOption = "speed_controller",
     period: PeriodOption = None,
     crank_angle: CrankOption = None,
+    setpoint_weight: SetpointWeightOption = None,
+    low: LowOption = None,
+    high: HighOption = None,
     throttle: TrimOption = None,
     load: LoadOption = 0.0,
     rest_output: RestOutputOption = None,
@@ -72,7 +81,7 @@ def export(
     wanted = _formats(formats)
     found = read_any_controller(controller, TimingChoice(period, crank_angle, 0.0))
     place = EngineChoice(engine, throttle, load)
-    found, rest, full = _at_rest(found, place, (rest_output, rest_measurement))
+    found, rest, full = _at_rest(found, place, (setpoint_weight, low, high), (rest_output, rest_measurement))
     made = Export(
         controller=found,
         name=name,
@@ -110,28 +119,32 @@ def _formats(text: str) -> tuple[str, ...]:
 
 
 def _at_rest(
-    controller: "AnyController", place: EngineChoice, given: tuple[float | None, float | None]
+    controller: "AnyController",
+    place: EngineChoice,
+    options: tuple[float | None, float | None, float | None],
+    given: tuple[float | None, float | None],
 ) -> "tuple[AnyController, tuple[float, float], tuple[float, float]]":
-    """The controller within its limits, output and measurement at rest, and the output's full range."""
-    from revline.design.scheduled_pid import ScheduledController, law_of
+    """The controller with weight and limits, output and measurement at rest, and the output's full range."""
+    from revline.design.scheduled_pid import law_of
 
-    law = law_of(controller)
+    weight, *limits = options
     if place.throttle is None:
         refuse_engine(place, "without --throttle the controller rests where --rest-output and --rest-measurement say")
+        made = surrounded(controller, weight=weight, limits=(limits[0], limits[1]))
+        law = law_of(made)
         low, high = own_limits(law)
         full = (0.0 if low is None else low, 90.0 if high is None else high)
         rest = (given[0] if given[0] is not None else min(max(0.0, law.low), law.high), given[1] or 0.0)
-        return controller, rest, full
+        return made, rest, full
     if given != (None, None):
         message = "--throttle and --rest-output or --rest-measurement each say where the controller rests; give one"
         raise InvalidInputError(message)
     from revline.engine.lee1995 import lee1995_parameters
 
     system, trim = find_engine_trim(place, "")
-    bounds = throttle_limits(own_limits(law), lee1995_parameters(system).throttle.saturation_angle)
-    law = replace(law, low=bounds[0], high=bounds[1])
-    made = replace(controller, controller=law) if isinstance(controller, ScheduledController) else law
-    return made, (place.throttle, trim.output("engine_speed")), bounds
+    saturation = lee1995_parameters(system).throttle.saturation_angle
+    made = surrounded(controller, weight=weight, limits=(limits[0], limits[1]), saturation=saturation)
+    return made, (place.throttle, trim.output("engine_speed")), (law_of(made).low, law_of(made).high)
 
 
 def _make_folder(out: Path) -> None:
