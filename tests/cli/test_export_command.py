@@ -95,6 +95,9 @@ def test_the_matlab_function_says_the_same_as_the_c_code(revline: Command, tmp_p
     ("entries", "options", "words"),
     [
         ({}, ["--format", "fortran"], "there is no format 'fortran'; there are c, matlab, control, json, and all"),
+        ({"input_unit": "rpm"}, ["--format", "c", "--throttle", "25"], "the controller measures in rpm and the engine's trim is in rad/s"),
+        ({"output_unit": "%"}, ["--format", "c", "--throttle", "25"], "the controller drives in % and the engine's trim is in deg"),
+        ({"kp": 0, "ki": 0, "kd": 0}, ["--format", "c"], "all gains of the controller are 0, so that its code would do nothing"),
         ({}, ["--format", "c", "--name", "Idle"], "is no name for C code"),
         ({}, ["--format", "c", "--load", "5"], "without --throttle the controller rests where"),
         ({}, ["--format", "c", "--throttle", "25", "--rest-output", "3"], "each say where the controller rests; give one"),

@@ -169,7 +169,7 @@ def test_a_setpoint_weight_buys_error_after_the_command() -> None:
 @pytest.mark.parametrize(
     ("run", "error", "message"),
     [
-        (lambda: Bounds(ms=1.0), InvalidInputError, "bound of Ms = 1  is outside values above 1; no loop can keep it"),
+        (lambda: Bounds(ms=1.0), InvalidInputError, "bound of Ms = 1 is outside values above 1; no loop can keep it"),
         (lambda: Bounds(effort=0.0), InvalidInputError, "bound of effort = 0"),
         (lambda: make_grid(G2D, horizon=0.0), InvalidInputError, "horizon = 0 s is outside the positive numbers"),
         (lambda: run_g2d(free=("kp", "k")), InvalidInputError, "what is free is kp, k; it is one or more of kp, ki, kd, b"),

@@ -1,5 +1,6 @@
 """The command export: a controller as C99, MATLAB, python-control or JSON."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -90,6 +91,8 @@ def export(
         full_range=full,
         provenance={"program": f"revline {__version__}", "controller": controller.name},
     )
+    if not all(map(math.isfinite, (law_of(found).low, law_of(found).high))):
+        shell.warn("the code has an output without limits, and anti-windup nothing to act on; give --throttle, or --low and --high")
     texts = {FORMATS[key][1].format(name=name): FORMATS[key][0](made) for key in wanted}
     _make_folder(out)
     for file, text in texts.items():
@@ -125,9 +128,13 @@ def _at_rest(
     given: tuple[float | None, float | None],
 ) -> "tuple[AnyController, tuple[float, float], tuple[float, float]]":
     """The controller with weight and limits, output and measurement at rest, and the output's full range."""
-    from revline.design.scheduled_pid import law_of
+    from revline.design.scheduled_pid import ScheduledController, law_of
 
     weight, *limits = options
+    law = law_of(controller)
+    if not isinstance(controller, ScheduledController) and law.gains.kp == law.gains.ki == law.gains.kd == 0.0:
+        message = "all gains of the controller are 0, so that its code would do nothing; give a gain"
+        raise InvalidInputError(message)
     if place.throttle is None:
         refuse_engine(place, "without --throttle the controller rests where --rest-output and --rest-measurement say")
         made = surrounded(controller, weight=weight, limits=(limits[0], limits[1]))
@@ -141,6 +148,13 @@ def _at_rest(
         raise InvalidInputError(message)
     from revline.engine.lee1995 import lee1995_parameters
 
+    for unit, wanted, what in ((law.gains.input_unit, "rad/s", "measures"), (law.gains.output_unit, "deg", "drives")):
+        if unit != wanted:
+            message = (
+                f"the controller {what} in {unit} and the engine's trim is in {wanted}; convert the gains, "
+                "or give --rest-output and --rest-measurement in the controller's units in place of --throttle"
+            )
+            raise InvalidInputError(message)
     system, trim = find_engine_trim(place, "")
     saturation = lee1995_parameters(system).throttle.saturation_angle
     made = surrounded(controller, weight=weight, limits=(limits[0], limits[1]), saturation=saturation)

@@ -63,6 +63,8 @@ class Requirements:
             value = getattr(self, name)
             if not value > 0.0:
                 raise out_of_range(f"required {name.replace('_', ' ')}", value, unit, "the positive numbers", "give one")
+        if not (math.isfinite(self.gain_reserve_db) and self.gain_reserve_db >= 0.0):
+            raise out_of_range("required gain reserve", self.gain_reserve_db, "dB", "0 and above", "give one, 0 for none")
 
 
 class OfUnstable(Enum):

@@ -61,7 +61,7 @@ def tune_pi_pole_placement(
         raise InvalidInputError(message, wanted=turn / lag, own=1.0 / lag)
     return PidGains(
         kp=(turn - 1.0) / gain,
-        ki=natural_frequency**2 * lag / gain,
+        ki=natural_frequency * natural_frequency * lag / gain,
         kd=0.0,
         input_unit=plant.output_unit,
         output_unit=plant.input_unit,

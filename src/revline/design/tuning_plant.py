@@ -118,6 +118,7 @@ class TuningPlant:
         """
         if isinstance(self.plant, TransferFunction):
             return measure_step_tangent(self.plant)
+        self._require_answer()
         times, values = self._step
         _, k = self._steepest(times, values)
         near = np.linspace(times[max(k - 1, 0)], times[min(k + 2, times.size - 1)], INTERVALS + 1)
@@ -146,15 +147,25 @@ class TuningPlant:
         """The ultimate point, exact.
 
         Raises:
-            InvalidInputError: the plant's gain is negative.
+            InvalidInputError: the plant's gain is negative or 0.
             AnalysisError: no gain makes the loop oscillate.
         """
+        self._require_answer()
         weak = WEAK / abs(self.static_gain)
         if self.static_gain < 0.0:
             message = f"{self.name} answers against its input (gain {self.static_gain:g}); turn the sign of the input round and tune again"
             raise InvalidInputError(message, gain=self.static_gain)
         found = find_ultimate_point(self.loop(self._gains(weak)))
         return replace(found, gain=found.gain * weak)
+
+    def _require_answer(self) -> None:
+        """Refuse a plant that a step does not move for good, as a throttle that is wide open already."""
+        if self.static_gain == 0.0:
+            message = (
+                f"{self.name} does not answer its input at rest (gain 0 {self.output_unit} per {self.input_unit}); "
+                "choose another operating point or another plant"
+            )
+            raise InvalidInputError(message, gain=0.0)
 
     def lag(self, reading: LagReading) -> DelayedLag:
         """Read a lag with delay from the exact step response.
