@@ -53,6 +53,7 @@ def test_what_is_wrong_is_said(revline: Command, tmp_path: Path) -> None:
     assert "does not rise strictly" in revline("gain-map", "--throttle", "3,2").err
     alone = revline(*SMALL, "--prove", 0.2)
     assert (alone.status, "give --fixed too" in alone.err) == (2, True)
+    assert "give --fixed too" in revline(*SMALL, "--floor-share", 0.5).err
     assert "--prove = 0" in revline(*SMALL, "--fixed", "--prove", 0).err
     assert "share of the best ki = 2" in revline(*SMALL, "--fixed", "--floor-share", 2).err
     nothing = revline("gain-map", "--throttle", "10,10.5", "--load", "40", "--plot", tmp_path / "no.png")

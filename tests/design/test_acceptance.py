@@ -1,6 +1,7 @@
 """The acceptance battery: what passes, what fails and why, and the measured gain reserve."""
 
 import math
+from concurrent.futures import CancelledError
 from dataclasses import replace
 from typing import Any
 
@@ -104,6 +105,12 @@ def test_a_reserve_that_is_not_reached_is_a_lower_bound() -> None:
     assert found.decibels == pytest.approx(20.0 * math.log10(64.0))
     with pytest.raises(InvalidInputError, match="step of the command = 0 is outside the finite numbers but 0"):
         find_gain_reserve(engine, point, sampled(tiny), ReserveSearch(command=0.0), place={})
+
+    def ends(_: float) -> None:
+        raise CancelledError
+
+    with pytest.raises(CancelledError):  # before any run, so that an interruption need not wait for a whole search
+        find_gain_reserve(engine, point, sampled(tiny), ReserveSearch(command=1.0, until=1e6), place={}, progress=ends)
 
 
 def test_measures_are_those_of_the_record() -> None:

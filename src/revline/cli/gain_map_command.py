@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from revline.io.common_gain_records import Rows
     from revline.system import DelaySystem
 
+FLOOR_SHARE = 0.25
+"""Part of the best ki that fixed gains keep at each point, where no option says so."""
+
 THROTTLE, LOAD, SPEED = "throttle", "load_torque", "engine_speed"
 
 HEADER = ("throttle [deg]", "load [N m]", "speed [rad/s]", "unstable roots", "largest kp", "best kp", "best ki", "")
@@ -51,7 +54,7 @@ def gain_map(
     kd: KdOption = 0.0,
     ms: MsOption = 2.0,
     fixed: FixedOption = False,
-    floor_share: ShareOption = 0.25,
+    floor_share: ShareOption = FLOOR_SHARE,
     floor_ki: FloorOption = 0.0,
     box_kd: BoxKdOption = "",
     prove: ProveOption = None,
@@ -115,8 +118,8 @@ def _asked(*, fixed: bool, floor: tuple[float, float], box_kd: str, prove: float
     from revline.io.number_lists import parse_numbers
 
     if not fixed:
-        if box_kd or prove is not None:
-            message = "--box-kd and --prove are about fixed gains; give --fixed too, or leave them out"
+        if box_kd or prove is not None or floor != (FLOOR_SHARE, 0.0):
+            message = "--floor-share, --floor-ki, --box-kd and --prove are about fixed gains; give --fixed too, or leave them out"
             raise InvalidInputError(message)
         return None
     if prove is not None and not prove > 0.0:
