@@ -90,11 +90,12 @@ def out_of_range(quantity: str, value: float, unit: str, limit: str, remedy: str
     Args:
         quantity: what is wrong, as the user knows it.
         value: the value given.
-        unit: its unit symbol.
+        unit: its unit symbol; "" or "1" for a plain number.
         limit: the range in words and numbers, for example "0 to 90 deg".
         remedy: what to do.
     """
-    return InvalidInputError(f"{quantity} = {value:g} {unit} is outside {limit}; {remedy}", quantity=quantity, value=value, limit=limit)
+    shown = f"{value:g}" if unit in {"", "1"} else f"{value:g} {unit}"
+    return InvalidInputError(f"{quantity} = {shown} is outside {limit}; {remedy}", quantity=quantity, value=value, limit=limit)
 
 
 def suggestion(name: str, known: Iterable[str]) -> str:

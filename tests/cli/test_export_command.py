@@ -39,6 +39,25 @@ def test_every_format_is_written_and_the_c_code_compiles(revline: Command, tmp_p
     assert again.status == 0
 
 
+def test_the_json_of_a_schedule_reads_back_as_the_same_controller(revline: Command, tmp_path: Path) -> None:
+    """Its gains are in tables: were they written as those of one PID, the file would be a controller that does nothing."""
+    axes = [{"name": "engine_speed", "unit": "rad/s", "values": [100, 400]}, {"name": "load_torque", "unit": "N m", "values": [0, 40]}]
+    tables = {"kp": [[0.2, 0.3], [0.5, 0.6]], "ki": [[0.4, 0.4], [1.5, 1.5]], "kd": [[0, 0], [0, 0]]}
+    schedule = {"axes": axes, **tables, "powers_of_first_axis": {"kp": 1, "ki": 2, "kd": 0}}
+    sampling = {"kind": "fixed-rate", "period_s": 0.002}
+    (tmp_path / "s.json").write_text(json.dumps({"schedule": schedule, "output_high": 60.0, "sampling": sampling}))
+    for file, out in ((tmp_path / "s.json", tmp_path / "one"), (tmp_path / "one" / "s.json", tmp_path / "two")):
+        options = ["--format", "c,json", "--name", "s", "--throttle", 25, "--setpoint-weight", 0.3, "--out", out]
+        assert revline("export", file, *options).status == 0
+    one, two = ((tmp_path / folder / "s.c").read_text() for folder in ("one", "two"))
+    assert one == two
+    assert "(real)60.0, /* law_high */" in one
+    assert "(real)0.3, /* law_setpoint_weight */" in one
+    content = json.loads((tmp_path / "two" / "s.json").read_text())
+    assert content["schedule"]["kp"] == tables["kp"]
+    assert content["sampling"]["period_s"] == 0.002
+
+
 def test_the_objects_of_python_control_are_the_law(revline: Command, tmp_path: Path) -> None:
     """Continuous and sampled, with weights and a filter, at some frequencies."""
     control = pytest.importorskip("control")
@@ -76,6 +95,9 @@ def test_the_matlab_function_says_the_same_as_the_c_code(revline: Command, tmp_p
     ("entries", "options", "words"),
     [
         ({}, ["--format", "fortran"], "there is no format 'fortran'; there are c, matlab, control, json, and all"),
+        ({"input_unit": "rpm"}, ["--format", "c", "--throttle", "25"], "the controller measures in rpm and the engine's trim is in rad/s"),
+        ({"output_unit": "%"}, ["--format", "c", "--throttle", "25"], "the controller drives in % and the engine's trim is in deg"),
+        ({"kp": 0, "ki": 0, "kd": 0}, ["--format", "c"], "all gains of the controller are 0, so that its code would do nothing"),
         ({}, ["--format", "c", "--name", "Idle"], "is no name for C code"),
         ({}, ["--format", "c", "--load", "5"], "without --throttle the controller rests where"),
         ({}, ["--format", "c", "--throttle", "25", "--rest-output", "3"], "each say where the controller rests; give one"),

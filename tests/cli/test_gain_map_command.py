@@ -54,6 +54,7 @@ def test_what_is_wrong_is_said(revline: Command, tmp_path: Path) -> None:
     alone = revline(*SMALL, "--prove", 0.2)
     assert (alone.status, "give --fixed too" in alone.err) == (2, True)
     assert "give --fixed too" in revline(*SMALL, "--floor-ki", 0.5).err
+    assert "give --fixed too" in revline(*SMALL, "--floor-share", 0.5).err
     assert "--prove = 0" in revline(*SMALL, "--fixed", "--prove", 0).err
     assert "share of the best ki = 2" in revline(*SMALL, "--fixed", "--floor-share", 2).err
     nothing = revline("gain-map", "--throttle", "10,10.5", "--load", "40", "--plot", tmp_path / "no.png")

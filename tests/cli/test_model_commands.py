@@ -147,6 +147,13 @@ def test_a_file_of_another_kind_is_refused(revline: Command, c1: Path, tmp_path:
     assert "cannot be read" in revline("tune", tmp_path / "absent.json", "--rule", "ziegler-nichols").err
 
 
+def test_the_set_point_weight_that_a_rule_recommends_is_part_of_its_controller(revline: Command, tmp_path: Path) -> None:
+    """AMIGO asks for 0 where the lag dominates, as at 25 deg, and the PI form for 1."""
+    for rule, weight in (("amigo", 0.0), ("amigo-pi", 1.0)):
+        assert revline("tune", "--throttle", 25, "--rule", rule, "--out", tmp_path / "made.json").status == 0
+        assert read_controller(tmp_path / "made.json").controller.setpoint_weight == weight
+
+
 def test_fine_tuning_from_a_controller_file(revline: Command, table: Path, tmp_path: Path) -> None:
     g2d, start, out = tmp_path / "g2d.json", tmp_path / "start.json", tmp_path / "c2d.json"
     revline("fit", table, "--zeros", 0, "--poles", 2, "--delay", "phase-line", "--out", g2d, "-q")

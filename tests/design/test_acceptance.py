@@ -1,6 +1,7 @@
 """The acceptance battery: what passes, what fails and why, and the measured gain reserve."""
 
 import math
+from concurrent.futures import CancelledError
 from dataclasses import replace
 from typing import Any
 
@@ -102,8 +103,14 @@ def test_a_reserve_that_is_not_reached_is_a_lower_bound() -> None:
     found = find_gain_reserve(engine, point, sampled(tiny), ReserveSearch(command=1.0, until=1.0), place={})
     assert found.hunts == math.inf
     assert found.decibels == pytest.approx(20.0 * math.log10(64.0))
-    with pytest.raises(InvalidInputError, match="step of the command = 0  is outside the finite numbers but 0"):
+    with pytest.raises(InvalidInputError, match="step of the command = 0 is outside the finite numbers but 0"):
         find_gain_reserve(engine, point, sampled(tiny), ReserveSearch(command=0.0), place={})
+
+    def ends(_: float) -> None:
+        raise CancelledError
+
+    with pytest.raises(CancelledError):  # before any run, so that an interruption need not wait for a whole search
+        find_gain_reserve(engine, point, sampled(tiny), ReserveSearch(command=1.0, until=1e6), place={}, progress=ends)
 
 
 def test_measures_are_those_of_the_record() -> None:
@@ -131,13 +138,14 @@ def test_the_spread_changes_one_parameter_at_a_time() -> None:
     assert heavier._replace(rotation=engine.parameters.rotation) == engine.parameters
     assert found["transport delays -10 %"].parameters.delays.spark_to_torque == pytest.approx(1.17)
     assert spread_engine(engine, 0.0) == {}
-    with pytest.raises(InvalidInputError, match=r"spread of the parameters = 0.6  is outside 0 to 0.5; give a share, for example 0.1"):
+    with pytest.raises(InvalidInputError, match=r"spread of the parameters = 0.6 is outside 0 to 0.5; give a share, for example 0.1"):
         spread_engine(engine, 0.6)
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
+        (lambda: Requirements(gain_reserve_db=math.nan), "required gain reserve = nan dB is outside 0 and above; give one, 0 for none"),
         (lambda: Requirements(overshoot=0.0), "required overshoot = 0 of the command is outside the positive numbers"),
         (lambda: Battery(command=0.0), "the step of the command is 0; give a finite size that is not 0"),
         (lambda: Battery(load=math.inf), "the step of the load is inf"),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from revline.design.gain_columns import GainColumns, find_ellipses, intersect_columns, peak_columns, stable_columns
-from revline.design.gain_map import Design, GainGrid, GainMap, GainPoint, LostPoint, best_gains, find_gain_map
+from revline.design.gain_map import Design, GainGrid, GainMap, GainPoint, LostPoint, best_gains, find_gain_map, solve_point
 from revline.design.gain_region import find_gain_region
 from revline.design.loop_family import family_of_model
 from revline.design.sensitivity_contour import find_peaks
@@ -74,6 +74,12 @@ def test_points_without_a_trim_or_without_gains_stay_with_the_reason(engine_map:
     assert "no kp and ki keep the peak" in poor.reason
     assert poor.region.kp_ends()[0][1] < 0.0  # only a negative kp stabilises here
     assert not np.isfinite(engine_map.limits[0, 0])
+
+
+def test_a_throttle_that_is_open_already_is_lost_alone(engine_map: GainMap) -> None:
+    point = solve_point(lee1995(), engine_map.grid, Design(), (85.0, 0.0))
+    assert isinstance(point, LostPoint)
+    assert "throttle does not move engine_speed for good here (gain 0 at rest)" in point.reason
 
 
 def test_c2d_is_unstable_at_small_throttle_under_load() -> None:

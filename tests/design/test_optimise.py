@@ -209,7 +209,7 @@ def test_a_filtered_derivative_is_other_gains_before_a_lag(plant: TransferFuncti
     ("run", "error", "message"),
     [
         (lambda: make_grid(replace(G2D, denominator=(0.0, 1.0))), InvalidInputError, "the plant integrates .pole at s = 0., and costs are"),
-        (lambda: Bounds(ms=1.0), InvalidInputError, "bound of Ms = 1  is outside values above 1; no loop can keep it"),
+        (lambda: Bounds(ms=1.0), InvalidInputError, "bound of Ms = 1 is outside values above 1; no loop can keep it"),
         (lambda: Bounds(effort=0.0), InvalidInputError, "bound of effort = 0"),
         (lambda: make_grid(G2D, horizon=0.0), InvalidInputError, "horizon = 0 s is outside the positive numbers"),
         (lambda: run_g2d(free=("kp", "k")), InvalidInputError, "what is free is kp, k; it is one or more of kp, ki, kd, b"),

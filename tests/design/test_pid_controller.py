@@ -49,7 +49,7 @@ def test_no_integral_action_is_an_infinite_time() -> None:
             lambda: IdealForm(gain=1.0, integral_time=1.0, derivative_time=0.3).to_series(),
             r"integral time = 1 s is outside 1.2 s \(4 Td\) and",
         ),
-        (lambda: IdealForm(gain=0.0, integral_time=1.0), "controller gain = 0  is outside the finite numbers but 0"),
+        (lambda: IdealForm(gain=0.0, integral_time=1.0), "controller gain = 0 is outside the finite numbers but 0"),
         (lambda: SeriesForm(gain=1.0, integral_time=0.0), "integral time = 0 s is outside the positive numbers"),
         (lambda: SeriesForm(gain=1.0, integral_time=1.0, derivative_time=-1.0), "derivative time = -1 s is outside 0 and above"),
         (lambda: ideal_of_parallel(0.0, 1.0, 0.0), "kp = 0 with ki = 1 and kd = 0 has no ideal form"),
@@ -63,7 +63,7 @@ def test_a_form_that_is_none_is_refused(make: Any, message: str) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"setpoint_weight": math.nan}, "set-point weight = nan 1 is outside the finite numbers from 0 on"),
+        ({"setpoint_weight": math.nan}, "set-point weight = nan is outside the finite numbers from 0 on"),
         ({"filter_time": -0.1}, "filter time = -0.1 s is outside"),
         ({"low": 5.0, "high": 5.0}, "the lower limit of the output, 5 deg, is not below the upper, 5 deg; give low < high"),
         ({"rate_limit": 0.0}, "rate limit = 0 deg/s is outside the positive numbers"),

@@ -140,6 +140,33 @@ def test_a_sensor_that_is_lost_is_held_then_the_output_is_safe_and_it_comes_back
     assert outputs[8, 0] != 10.0
 
 
+@pytest.mark.parametrize("wrong", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("place", [0, 1, 2], ids=["measurement", "command", "output"])
+def test_a_start_without_a_number_is_a_start_at_rest(wrong: float, place: int) -> None:
+    """Whatever is missing when the controller takes over: no state is poisoned, and without a measurement the output is safe at once."""
+    code = make(hold_samples=3, safe_output=10.0, filter_time=0.01)
+    values = [SPEED, SPEED, REST]
+    values[place] = wrong
+    xd = code.start(code.parameters, (values[0],), (values[1],), (values[2],))
+    assert np.all(np.isfinite(xd))
+    lost = code.update(code.parameters, xd, (values[0],), (SPEED,), (PERIOD,))
+    found = code.update(code.parameters, lost[: len(xd)], (SPEED,), (SPEED,), (PERIOD,))
+    assert lost[len(xd)] == pytest.approx(10.0 if place == 0 else REST, abs=1e-9)
+    assert found[len(xd)] == pytest.approx(REST, abs=1e-9)
+
+
+@pytest.mark.parametrize("seconds", [0.0, -0.01, math.nan, math.inf])
+def test_a_sample_without_time_between_adds_nothing(seconds: float) -> None:
+    code = make(filter_time=0.01)
+    count, p = len(code.states), code.parameters
+    xd = code.start(p, (SPEED,), (SPEED,), (REST,))
+    before = code.update(p, xd, (SPEED + 1.0,), (SPEED + 3.0,), (PERIOD,))
+    twice = code.update(p, before[:count], (SPEED + 1.0,), (SPEED + 3.0,), (seconds,))
+    assert twice == pytest.approx(before, rel=1e-6)
+    after = code.update(p, twice[:count], (SPEED + 1.0,), (SPEED + 3.0,), (PERIOD,))
+    assert after[count + 3] == pytest.approx(2.0 * before[count + 3], rel=1e-6)
+
+
 def test_the_dead_zone_leaves_small_errors_alone() -> None:
     outputs = run(make(dead_zone=2.0), [SPEED + 0.5] * 5, command=SPEED + 1.0)
     assert np.array_equal(outputs[:, 2:4], np.zeros((5, 2)))

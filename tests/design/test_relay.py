@@ -99,10 +99,10 @@ def test_a_large_relay_shows_the_engines_nonlinearity() -> None:
         (
             lambda: UltimatePoint(gain=-1.0, period=1.0, source=UltimateSource.GIVEN),
             InvalidInputError,
-            "ultimate gain = -1  is outside the",
+            "ultimate gain = -1 is outside the",
         ),
-        (lambda: RelayTask(amplitude=0.0), InvalidInputError, "relay's amplitude = 0  is outside the positive numbers"),
-        (lambda: RelayTask(amplitude=1.0, hysteresis=-1.0), InvalidInputError, "relay's hysteresis = -1  is outside 0 and above"),
+        (lambda: RelayTask(amplitude=0.0), InvalidInputError, "relay's amplitude = 0 is outside the positive numbers"),
+        (lambda: RelayTask(amplitude=1.0, hysteresis=-1.0), InvalidInputError, "relay's hysteresis = -1 is outside 0 and above"),
         (
             lambda: run_relay(lee1995(), operating_point(trim()), RelayTask(amplitude=40.0)),
             InvalidInputError,
@@ -118,7 +118,7 @@ def test_a_large_relay_shows_the_engines_nonlinearity() -> None:
             NotSettledError,
             r"the last 6 cycles under the relay differ by .* let it run longer than 1.8 s",
         ),
-        (lambda: predict_relay(lambda s: 1.0 / (s + 1.0), 0.0, 1.0), InvalidInputError, "relay's amplitude = 0  is outside"),
+        (lambda: predict_relay(lambda s: 1.0 / (s + 1.0), 0.0, 1.0), InvalidInputError, "relay's amplitude = 0 is outside"),
         (
             lambda: predict_relay(lambda s: 1.0 / (s + 1.0), 1.0, 5.0),
             NotConvergedError,

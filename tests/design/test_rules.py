@@ -71,6 +71,8 @@ def test_pole_placement_refuses_other_plants(refused: TransferFunction, message:
 def test_pole_placement_refuses_what_the_plant_exceeds_alone() -> None:
     with pytest.raises(InvalidInputError, match=r"2 zeta wn = 1.4 rad/s is not above the plant's own 1/T = 1.72"):
         tune_pi_pole_placement(G1, natural_frequency=1.0, damping=0.7)
+    with pytest.raises(InvalidInputError, match=r"ki = inf .* is not finite; give a finite gain"):
+        tune_pi_pole_placement(G1, natural_frequency=1e300, damping=0.7)
 
 
 @pytest.mark.parametrize("wish", [(0.0, 1.0), (1.0, -1.0), (float("nan"), 1.0), (float("inf"), 1.0)])

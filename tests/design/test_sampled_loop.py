@@ -215,8 +215,8 @@ def test_a_controller_that_does_not_fit_the_engine_is_refused(changes: Any, mess
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Disturbance(noise=-1.0), "noise = -1  is outside 0 and above; give a standard deviation"),
-        (lambda: Disturbance(jitter=math.inf), "jitter = inf  is outside 0 and above"),
+        (lambda: Disturbance(noise=-1.0), "noise = -1 is outside 0 and above; give a standard deviation"),
+        (lambda: Disturbance(jitter=math.inf), "jitter = inf is outside 0 and above"),
         (
             lambda: run_lag(
                 PidController(gains=GAINS, low=0.0, high=60.0, sampling=FixedRate(period=0.01)), disturbance=Disturbance(jitter=0.002)

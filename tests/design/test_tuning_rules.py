@@ -27,9 +27,9 @@ POINT = UltimatePoint(gain=2.0, period=0.5, source=UltimateSource.GIVEN)
 UNIT = lags.Lag(gain=1.0, lag=1.0, delay=1.0)
 
 
-def engine() -> TuningPlant:
+def engine(throttle: float = 25.0) -> TuningPlant:
     system = lee1995()
-    return tuning_plant(linearize(system, find_trim(system, inputs={"throttle": 25.0})).model, name="engine")
+    return tuning_plant(linearize(system, find_trim(system, inputs={"throttle": throttle})).model, name="engine")
 
 
 @pytest.mark.reference
@@ -157,7 +157,7 @@ def test_a_measured_ultimate_point_is_taken_in_place_of_the_exact_one() -> None:
             "cohen-coon",
             replace(LAG, delay=0.9),
             {},
-            r"delay over lag = 1.8  is outside 0 to 1; cohen-coon was made for delays up to the lag",
+            r"delay over lag = 1.8 is outside 0 to 1; cohen-coon was made for delays up to the lag",
         ),
         ("amigo", replace(LAG, delay=0.0), {}, "amigo needs a delay; the plant's is 0 s"),
         ("simc-pi", LAG, {"closed_loop_lag": 0.0}, "closed-loop lag = 0 s is outside the positive numbers; the delay, 0.1 s, is usual"),
@@ -177,6 +177,14 @@ def test_a_measured_ultimate_point_is_taken_in_place_of_the_exact_one() -> None:
 def test_a_plant_outside_a_rules_range_is_refused(rule: str, plant: TransferFunction, options: Any, message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
         tune_by_rule(rule, plant, options=options, designed_on="a lag")
+
+
+@pytest.mark.parametrize("rule", ["amigo", "tyreus-luyben"])
+def test_a_throttle_that_is_open_already_is_refused(rule: str) -> None:
+    with pytest.raises(
+        InvalidInputError, match=r"does not answer its input at rest \(gain 0 rad/s per deg\); choose another operating point"
+    ):
+        tune_by_rule(rule, engine(85.0), options={})
 
 
 def test_a_system_is_refused_where_a_transfer_function_is_needed_and_where_it_is_unstable() -> None:

@@ -180,9 +180,10 @@ def test_a_planted_fault_changes_bits(change: Callable[[str], str], flags: str, 
     assert 5e-324 * 1.0 > 0.0, "the process must not flush the smallest numbers to zero"
 
 
-def test_fast_math_is_refused_by_the_file_itself(tmp_path: Path) -> None:
+@pytest.mark.parametrize("flag", ["-ffast-math", "-ffinite-math-only"])
+def test_fast_math_is_refused_by_the_file_itself(flag: str, tmp_path: Path) -> None:
     with pytest.raises(AssertionError, match="fast-math changes what this file computes"):
-        build(simulate(PLAIN, 1.0).code, tmp_path, flags="-ffast-math")
+        build(sampled_pid(PLAIN, output=25.0, measurement=240.0), tmp_path, flags=flag)
 
 
 def test_single_precision_stays_within_its_bound(tmp_path: Path) -> None:

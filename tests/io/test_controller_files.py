@@ -67,6 +67,10 @@ def test_three_gains_are_enough_and_more_keys_are_allowed(tmp_path: Path) -> Non
         ('{"schema": "revline.model/1"}', r"its schema is 'revline.model/1', and \"revline.controller/1\" is wanted"),
         ('{"kp": 1, "ki": 1, "kd": 0, "derivative_acts_on": "error"}', r'"derivative_acts_on" is "error", and all methods here'),
         ('{"kp": 1, "ki": 1, "kd": 0, "rule": 5}', r'"rule" is 5 \(number\), and a text is wanted'),
+        ('{"kp": 1, "ki": 1, "kd": 0, "filter_time": 0.01}', '"filter_time" is no key of a controller, and "filter_time_s" is one'),
+        ('{"kp": 1, "ki": 1, "kd": 0, "rate_limit": 9}', '"rate_limit" is no key of a controller, and "rate_limit_per_s" is one'),
+        ('{"kp": 1, "ki": 1, "kd": 0, "sampling": {"period_s": 1, "delay_s": 0}}', '"delay_s" is unknown; there are angle_rad, comp'),
+        ('{"kp": 1, "ki": 1, "kd": 0, "units": {"kp": "deg/rpm"}}', r'"units" has kp in deg/rpm, and with "input_unit" rad/s and'),
         ('{"kp": 1, "ki": 1, "kd": 0, "details": {"x": false}}', r'"details.x" is false \(true or false\), and a number is wanted'),
     ],
 )

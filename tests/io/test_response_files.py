@@ -201,7 +201,7 @@ def test_bad_choices_of_columns_are_refused() -> None:
 
 def test_what_cannot_be_written_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "response.csv"
-    with pytest.raises(InvalidInputError, match="amplitude = -5 1 is outside above 0"):
+    with pytest.raises(InvalidInputError, match="amplitude = -5 is outside above 0"):
         write_response(path, SOME, amplitude=-5.0)
     with pytest.raises(InvalidInputError, match="1 distortions for 2 frequencies"):
         write_response(path, SOME, amplitude=5.0, distortion=np.zeros(1))

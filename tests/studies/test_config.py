@@ -101,8 +101,8 @@ def test_an_engine_file_lies_where_the_study_file_says(tmp_path: Path, monkeypat
         ("amplitude_deg = 0.0", r"line 3: study\.amplitude_deg = 0 deg is outside 1e-06 to 45"),
         ("half_range_deg = -1.0", r"line 3: study\.half_range_deg = -1 deg is outside 1e-06 to 45"),
         ("natural_frequency_rad_s = 0", r"line 3: study\.natural_frequency_rad_s = 0 rad/s is outside 1e-06 to 1e\+06"),
-        ("damping_ratio = 0", r"line 3: study\.damping_ratio = 0 1 is outside 0.001 to 1000"),
-        ("overshoot_limit = 1.0", r"line 3: study\.overshoot_limit = 1 1 is outside 0.0001 to 0.99"),
+        ("damping_ratio = 0", r"line 3: study\.damping_ratio = 0 is outside 0.001 to 1000"),
+        ("overshoot_limit = 1.0", r"line 3: study\.overshoot_limit = 1 is outside 0.0001 to 0.99"),
         ("load_n_m = 1e5", r"line 3: study\.load_n_m = 100000 N m is outside -10000 to 10000"),
         ("command_rad_s = 1e5", r"line 3: study\.command_rad_s = 100000 rad/s is outside"),
         (

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from revline import __version__
-from revline.cli.controllers import TimingChoice, own_limits, read_any_controller
-from revline.cli.loop_command import throttle_limits
+from revline.cli.controllers import HighOption, LowOption, SetpointWeightOption, TimingChoice, read_any_controller, surrounded
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, OutOption, QuietOption
 from revline.cli.plots import PlotOption, check_plot, write_plot
 from revline.cli.shell import Facts, Grid, Shell
@@ -32,16 +31,6 @@ CrankAngleOption = Annotated[
 ]
 ComputationDelayOption = Annotated[
     float, typer.Option("--computation-delay", metavar="S", help="Time from a sample to its output [s], with the two above.")
-]
-SetpointWeightOption = Annotated[
-    float | None, typer.Option("--setpoint-weight", metavar="B", help="Weight of the command in the proportional term; else the file's.")
-]
-LowOption = Annotated[
-    float | None, typer.Option("--low", metavar="DEG", help="Lower limit of the throttle [deg]; else the file's, else 0.")
-]
-HighOption = Annotated[
-    float | None,
-    typer.Option("--high", metavar="DEG", help="Upper limit of the throttle [deg]; else the file's, else where it saturates."),
 ]
 CommandOption = Annotated[float, typer.Option("--command", metavar="RAD_S", help="Step of the speed command, up and down [rad/s].")]
 LoadStepOption = Annotated[float, typer.Option("--load-step", metavar="N_M", help="Step of the load, up and down [N m].")]
@@ -171,15 +160,10 @@ def _controller(
     weight: float | None,
 ) -> "AnyController":
     """The file's controller, sampled and within the throttle's limits."""
-    from revline.design.scheduled_pid import ScheduledController, law_of
     from revline.engine.lee1995 import lee1995_parameters
 
     found = read_any_controller(path, TimingChoice(*timing))
-    law = law_of(found)
-    wanted = tuple(option if option is not None else bound for option, bound in zip(limits, own_limits(law), strict=True))
-    bounds = throttle_limits((wanted[0], wanted[1]), lee1995_parameters(plant).throttle.saturation_angle)
-    law = replace(law, low=bounds[0], high=bounds[1], setpoint_weight=law.setpoint_weight if weight is None else weight)
-    return replace(found, controller=law) if isinstance(found, ScheduledController) else law
+    return surrounded(found, weight=weight, limits=limits, saturation=lee1995_parameters(plant).throttle.saturation_angle)
 
 
 def _parts(found: "Acceptance") -> list[Facts | Grid | str]:

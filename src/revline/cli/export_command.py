@@ -1,14 +1,21 @@
 """The command export: a controller as C99, MATLAB, python-control or JSON."""
 
-from dataclasses import replace
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from revline import __version__
-from revline.cli.controllers import TimingChoice, own_limits, read_any_controller
-from revline.cli.loop_command import throttle_limits
+from revline.cli.controllers import (
+    HighOption,
+    LowOption,
+    SetpointWeightOption,
+    TimingChoice,
+    own_limits,
+    read_any_controller,
+    surrounded,
+)
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, QuietOption
 from revline.cli.plants import EngineChoice, find_engine_trim, refuse_engine
 from revline.cli.shell import Facts, Shell
@@ -50,6 +57,9 @@ def export(
     name: NameOption = "speed_controller",
     period: PeriodOption = None,
     crank_angle: CrankOption = None,
+    setpoint_weight: SetpointWeightOption = None,
+    low: LowOption = None,
+    high: HighOption = None,
     throttle: TrimOption = None,
     load: LoadOption = 0.0,
     rest_output: RestOutputOption = None,
@@ -72,7 +82,7 @@ def export(
     wanted = _formats(formats)
     found = read_any_controller(controller, TimingChoice(period, crank_angle, 0.0))
     place = EngineChoice(engine, throttle, load)
-    found, rest, full = _at_rest(found, place, (rest_output, rest_measurement))
+    found, rest, full = _at_rest(found, place, (setpoint_weight, low, high), (rest_output, rest_measurement))
     made = Export(
         controller=found,
         name=name,
@@ -81,6 +91,8 @@ def export(
         full_range=full,
         provenance={"program": f"revline {__version__}", "controller": controller.name},
     )
+    if not all(map(math.isfinite, (law_of(found).low, law_of(found).high))):
+        shell.warn("the code has an output without limits, and anti-windup nothing to act on; give --throttle, or --low and --high")
     texts = {FORMATS[key][1].format(name=name): FORMATS[key][0](made) for key in wanted}
     _make_folder(out)
     for file, text in texts.items():
@@ -110,28 +122,43 @@ def _formats(text: str) -> tuple[str, ...]:
 
 
 def _at_rest(
-    controller: "AnyController", place: EngineChoice, given: tuple[float | None, float | None]
+    controller: "AnyController",
+    place: EngineChoice,
+    options: tuple[float | None, float | None, float | None],
+    given: tuple[float | None, float | None],
 ) -> "tuple[AnyController, tuple[float, float], tuple[float, float]]":
-    """The controller within its limits, output and measurement at rest, and the output's full range."""
+    """The controller with weight and limits, output and measurement at rest, and the output's full range."""
     from revline.design.scheduled_pid import ScheduledController, law_of
 
+    weight, *limits = options
     law = law_of(controller)
+    if not isinstance(controller, ScheduledController) and law.gains.kp == law.gains.ki == law.gains.kd == 0.0:
+        message = "all gains of the controller are 0, so that its code would do nothing; give a gain"
+        raise InvalidInputError(message)
     if place.throttle is None:
         refuse_engine(place, "without --throttle the controller rests where --rest-output and --rest-measurement say")
+        made = surrounded(controller, weight=weight, limits=(limits[0], limits[1]))
+        law = law_of(made)
         low, high = own_limits(law)
         full = (0.0 if low is None else low, 90.0 if high is None else high)
         rest = (given[0] if given[0] is not None else min(max(0.0, law.low), law.high), given[1] or 0.0)
-        return controller, rest, full
+        return made, rest, full
     if given != (None, None):
         message = "--throttle and --rest-output or --rest-measurement each say where the controller rests; give one"
         raise InvalidInputError(message)
     from revline.engine.lee1995 import lee1995_parameters
 
+    for unit, wanted, what in ((law.gains.input_unit, "rad/s", "measures"), (law.gains.output_unit, "deg", "drives")):
+        if unit != wanted:
+            message = (
+                f"the controller {what} in {unit} and the engine's trim is in {wanted}; convert the gains, "
+                "or give --rest-output and --rest-measurement in the controller's units in place of --throttle"
+            )
+            raise InvalidInputError(message)
     system, trim = find_engine_trim(place, "")
-    bounds = throttle_limits(own_limits(law), lee1995_parameters(system).throttle.saturation_angle)
-    law = replace(law, low=bounds[0], high=bounds[1])
-    made = replace(controller, controller=law) if isinstance(controller, ScheduledController) else law
-    return made, (place.throttle, trim.output("engine_speed")), bounds
+    saturation = lee1995_parameters(system).throttle.saturation_angle
+    made = surrounded(controller, weight=weight, limits=(limits[0], limits[1]), saturation=saturation)
+    return made, (place.throttle, trim.output("engine_speed")), (law_of(made).low, law_of(made).high)
 
 
 def _make_folder(out: Path) -> None:

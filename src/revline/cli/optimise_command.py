@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from revline.design.optimum_problem import Bounds
     from revline.design.tuning_plant import TuningPlant
 
+FREE = "kp,ki,kd"
+
 WANTED = "give a model file, or --throttle for the engine, for example `revline optimise --throttle 25 --ms 2 --out best.json`"
 
 ModelArgument = Annotated[
@@ -62,7 +64,7 @@ def optimise(
     effort: EffortOption = None,
     setpoint_iae: SetpointOption = None,
     objective: ObjectiveOption = "load",
-    free: FreeOption = "kp,ki,kd",
+    free: FreeOption = FREE,
     filter_time: FilterOption = 0.0,
     compare: CompareOption = None,
     compare_rules: RulesOption = False,
@@ -89,7 +91,9 @@ def optimise(
     grids = [make_grid(plant.plant, filter_time=filter_time) for plant in plants]
     scale = find_scale(plants[0])
     provenance = {"program": f"revline {__version__}"}
+    given = {"ms": ms, "mt": mt, "effort": effort, "setpoint_iae": setpoint_iae}
     if compare or compare_rules:
+        _refuse_wishes(given, free=free, objective=objective)
         found = _compare(plants, grids[0], scale, compare or [], rules=compare_rules)
         record = comparison_record(found, provenance=provenance)
         shell.write(out, format_json(record), "comparison")
@@ -100,7 +104,7 @@ def optimise(
             write_plot(plot, plot_comparison(found, grids[0], unit=units[0], response_unit=units[1]), "optimise")
         shell.show(record, *_comparison_parts(found), text_on=out)
         return
-    bounds = _bounds(ms, mt, effort, setpoint_iae)
+    bounds = _bounds(given)
     names = tuple(name.strip() for name in free.split(","))
     with shell.busy("searching gains"):
         best = find_optimum(grids, scale, bounds, Objective(objective), free=names)
@@ -134,10 +138,21 @@ def _plants(model: Path | None, engine: str, throttle: str | None, load: str) ->
     return [tuning_plant(system, name=name) for name, system in named]
 
 
-def _bounds(ms: float | None, mt: float | None, effort: float | None, setpoint_iae: float | None) -> "Bounds":
+def _refuse_wishes(given: dict[str, float | None], *, free: str, objective: str) -> None:
+    """A comparison takes its bounds from each controller; what says otherwise would be dropped."""
+    wishes = [name for name, value in given.items() if value is not None]
+    wishes += [name for name, value, default in (("free", free, FREE), ("objective", objective, "load")) if value != default]
+    if wishes:
+        message = (
+            "a comparison bounds the optimum by each controller's own Ms and set-point error, for the least load error; "
+            f"leave --{wishes[0].replace('_', '-')} out"
+        )
+        raise InvalidInputError(message, option=wishes[0])
+
+
+def _bounds(given: dict[str, float | None]) -> "Bounds":
     from revline.design.optimum_problem import Bounds
 
-    given = {"ms": ms, "mt": mt, "effort": effort, "setpoint_iae": setpoint_iae}
     known = {name: value for name, value in given.items() if value is not None}
     return Bounds(**known) if known else replace(Bounds(), ms=2.0)
 

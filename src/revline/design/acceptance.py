@@ -63,6 +63,8 @@ class Requirements:
             value = getattr(self, name)
             if not value > 0.0:
                 raise out_of_range(f"required {name.replace('_', ' ')}", value, unit, "the positive numbers", "give one")
+        if not (math.isfinite(self.gain_reserve_db) and self.gain_reserve_db >= 0.0):
+            raise out_of_range("required gain reserve", self.gain_reserve_db, "dB", "0 and above", "give one, 0 for none")
 
 
 class OfUnstable(Enum):
@@ -284,11 +286,11 @@ def accept(
             tasks += [(k, case) for case in _cases(place, battery, names, seed=battery.disturbance.seed + 1000 * k)]
             tasks.append((k, None))
 
-    def work(task: tuple[int, Case | None], _: Callable[[float], None]) -> AcceptanceRun | GainReserve:
+    def work(task: tuple[int, Case | None], go_on: Callable[[float], None]) -> AcceptanceRun | GainReserve:
         k, case = task
         if case is None:
             search = ReserveSearch(command=battery.command, until=battery.until, step=battery.step, near=linear[k].gain_margin)
-            return find_gain_reserve(plant, points[nominal, k], controller, search, place=places[k], wires=wires)
+            return find_gain_reserve(plant, points[nominal, k], controller, search, place=places[k], wires=wires, progress=go_on)
         return _run(plants[case.plant], points[case.plant, k], controller, case, battery, wires)
 
     found = run_all(work, tasks, lambda task: 10.0 if task[1] is None else 1.0, workers=workers, progress=progress)

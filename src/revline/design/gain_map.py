@@ -20,7 +20,7 @@ from revline.design.gain_columns import Ellipses, GainColumns, check_peak, find_
 from revline.design.gain_region import GainRegion, find_gain_region
 from revline.design.loop_family import family_of_system
 from revline.design.sensitivity_contour import find_peaks
-from revline.errors import InvalidInputError, NoTrimError, RevlineError
+from revline.errors import AnalysisError, InvalidInputError, NoTrimError, RevlineError
 from revline.system import DelaySystem, Variable, index_of
 from revline.values import make_read_only
 
@@ -339,6 +339,9 @@ def _trim(system: DelaySystem, grid: GainGrid, wires: LoopSignals, place: tuple[
 
 def _with_gains(system: DelaySystem, design: Design, place: tuple[float, float], trim: Trim) -> GainPoint:
     model = linearize(system, trim).model
+    if model.static_gain(design.wires.drive, design.wires.measurement) == 0.0:
+        message = f"{design.wires.drive} does not move {design.wires.measurement} for good here (gain 0 at rest), so that no gains hold it"
+        raise AnalysisError(message)
     region = find_gain_region(family_of_system(model, kd=design.kd, wires=design.wires, name=system.name, roots=trim.roots))
     window = region.window
     kp = np.linspace(window.kp_low, window.kp_high, COLUMNS)

@@ -25,6 +25,9 @@ LARGEST = 64.0
 RESOLUTION = 1.01
 """The bisection ends where its bounds are this factor apart: 0.09 dB."""
 
+USUAL_RUNS = 10
+"""So many runs a search takes, about."""
+
 QUIET = 1e-3
 """A loop that moves by less than this part of the command in the last fifth of its run is at rest."""
 
@@ -106,6 +109,7 @@ def find_gain_reserve(
     *,
     place: Mapping[str, float],
     wires: LoopSignals = SPEED_BY_THROTTLE,
+    progress: Callable[[float], None] | None = None,
 ) -> GainReserve:
     """Bisect the factor on kp, ki and kd at which a sampled loop begins to hunt.
 
@@ -119,6 +123,7 @@ def find_gain_reserve(
         search: how.
         place: inputs at the point, kept with the result.
         wires: which signals close the loop.
+        progress: called before each run, so that it can end the search.
 
     Raises:
         InvalidInputError: as for `run_sampled_loop`, or the command is 0.
@@ -129,6 +134,8 @@ def find_gain_reserve(
 
     def tries(factor: float) -> Ending:
         nonlocal runs, period
+        if progress is not None:
+            progress(runs / USUAL_RUNS)
         runs += 1
         scaled = scaled_controller(controller, factor)
         ending, found = _ending(plant, point, scaled, search, wires)

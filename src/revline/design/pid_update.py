@@ -31,7 +31,10 @@ ROUNDING_SINGLE = 1.5 * 2.0**23
 """The same for a single precision number."""
 
 LARGEST = 1e30
-"""What is beyond this, infinity or no number, is no measurement."""
+"""Numbers are kept within this, so that no product of finite ones is infinite."""
+
+SHORTEST = 1e-9
+"""Seconds that count as no time: what is not longer, infinite or no number adds nothing to the integral, and the derivative waits."""
 
 
 class PidCode(NamedTuple):
@@ -91,6 +94,13 @@ def trust(value: float, last: float) -> float:
 
 
 @equation
+def time_passed(seconds: float) -> tuple[float, float]:
+    """Seconds since the sample before, and 1 where they are a finite time; none pass, and 0, where they are not."""
+    period = np.fmax(is_number(seconds) * np.fmin(np.fmax(seconds, 0.0), LARGEST), SHORTEST)
+    return period, np.fmin(period / SHORTEST - 1.0, 1.0)
+
+
+@equation
 def proportional_term(p: PidCode, command: float, error: float) -> float:
     """Proportional term; the weight acts on the command's distance from that at rest, so that at rest the term is none."""
     return p.kp * (error + (p.setpoint_weight - 1.0) * (command - p.rest_command))
@@ -114,14 +124,15 @@ def integral_bounds(p: PidCode, command: float) -> tuple[float, float]:
 def update(p: PidCode, xd: Vector, y: Vector, r: Vector, t: Vector) -> Vector:
     """One sample: new states, then the output and what it is made of."""
     integral, derivative, weighted_before, output_before, measurement_before, command_before, missing = xd
-    (period,) = t
+    period, timed = time_passed(t[0])
     good = is_number(y[0])
     trusted, command = trust(y[0], measurement_before), trust(r[0], command_before)
     measurement = quantise(p.measurement_quantised, p.measurement_step, p.rounding, trusted)
     error = error_beyond(p, command, measurement)
     proportional = proportional_term(p, command, error)
     weighted = p.derivative_weight * command - measurement
-    derivative = (p.filter_time * derivative + p.kd * (weighted - weighted_before)) / (p.filter_time + period)
+    slope = (p.filter_time * derivative + p.kd * (weighted - weighted_before)) / (p.filter_time + period)
+    derivative = choose(timed, slope, derivative)
 
     low = np.maximum(p.low, output_before - p.rate_limit * period)
     high = np.minimum(p.high, output_before + p.rate_limit * period)
@@ -146,12 +157,20 @@ def update(p: PidCode, xd: Vector, y: Vector, r: Vector, t: Vector) -> Vector:
 
 @equation
 def start(p: PidCode, y: Vector, r: Vector, u: Vector) -> Vector:
-    """States from which the first output is the one given, where the command stands still."""
-    measurement = quantise(p.measurement_quantised, p.measurement_step, p.rounding, y[0])
-    proportional = proportional_term(p, r[0], error_beyond(p, r[0], measurement))
-    smallest, largest = integral_bounds(p, r[0])
-    integral = limit(u[0] - p.rest_output - proportional, smallest, largest)
-    return integral, 0.0, p.derivative_weight * r[0] - measurement, u[0], y[0], r[0], 0.0
+    """States from which the first output is the one given, and what the integral adds in one sample, where nothing moves.
+
+    What is no number counts as rest: an output as that at rest, a command likewise, a measurement as the command; then nothing has been
+    measured that could be held, and a first sample without a measurement gives the safe output.
+    """
+    command = trust(r[0], p.rest_command)
+    trusted = trust(y[0], command)
+    measurement = quantise(p.measurement_quantised, p.measurement_step, p.rounding, trusted)
+    proportional = proportional_term(p, command, error_beyond(p, command, measurement))
+    smallest, largest = integral_bounds(p, command)
+    output = limit(trust(u[0], p.rest_output), p.low, p.high)
+    integral = limit(output - p.rest_output - proportional, smallest, largest)
+    missing = (1.0 - is_number(y[0])) * p.hold_samples
+    return integral, 0.0, p.derivative_weight * command - measurement, output, trusted, command, missing
 
 
 def sampled_pid(controller: PidController, *, output: float, measurement: float, rounding: float = ROUNDING_DOUBLE) -> SampledController:

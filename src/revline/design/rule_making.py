@@ -8,6 +8,7 @@ from typing import Final
 from revline.design import rules_lag as lags
 from revline.design.controller import PidGains
 from revline.design.fine_tuning import Objective, fine_tune
+from revline.design.pid_controller import AntiWindup, PidController
 from revline.design.pid_forms import ParallelForm
 from revline.design.rules_step import tune_pid_ziegler_nichols
 from revline.design.tuning_plant import LagReading, TuningPlant, reduce_by_half_rule
@@ -51,6 +52,16 @@ def number_option(options: Mapping[str, RuleValue], name: str, default: float = 
         message = f"option {name} = {value!r} is no number; give one"
         raise InvalidInputError(message, option=name)
     return value
+
+
+def recommended_controller(gains: PidGains) -> PidGains | PidController:
+    """Give what a rule recommends: its gains, with its set-point weight where it has one other than 1.
+
+    Args:
+        gains: made by a rule.
+    """
+    weight = float(gains.details.get("setpoint_weight", 1.0))
+    return gains if weight == 1.0 else PidController(gains=gains, setpoint_weight=weight, anti_windup=AntiWindup.NONE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -123,6 +123,7 @@ class TuningPlant:
         """
         if isinstance(self.plant, TransferFunction):
             return measure_step_tangent(self.plant)
+        self._require_answer()
         times, values = self._step
         _, k = self._steepest(times, values)
         near = np.linspace(times[max(k - 1, 0)], times[min(k + 2, times.size - 1)], INTERVALS + 1)
@@ -178,6 +179,15 @@ class TuningPlant:
             return float(abs(self.plant(1j)))
         row, drive = position(self.plant.outputs, self.wires.measurement), position(self.plant.inputs, self.wires.drive)
         return float(abs(self.plant.transfer(np.array([1j]))[0, row, drive]))
+
+    def _require_answer(self) -> None:
+        """Refuse a plant that a step does not move for good, as a throttle that is wide open already."""
+        if self.static_gain == 0.0:
+            message = (
+                f"{self.name} does not answer its input at rest (gain 0 {self.output_unit} per {self.input_unit}); "
+                "choose another operating point or another plant"
+            )
+            raise InvalidInputError(message, gain=0.0)
 
     def lag(self, reading: LagReading) -> DelayedLag:
         """Read a lag with delay from the exact step response.

@@ -50,7 +50,7 @@ TEMPLATE: Final = """/* {name}: a sampled controller, one file of C99 without de
 typedef {precision} real;
 
 #include <float.h>
-#if defined(__FAST_MATH__)
+#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
 #error "fast-math changes what this file computes; compile without it"
 #endif
 #if defined(FLT_EVAL_METHOD) && FLT_EVAL_METHOD != 0
@@ -80,7 +80,8 @@ typedef struct {{
 /* The smaller and the larger of two numbers. */
 {limits}
 
-/* States from which the first output is {drives}, if the commands stand still. */
+/* States from which the first output is {drives} and what the integral adds in one sample, if nothing moves. What is no finite number
+ * counts as rest, and without a measurement the first output is the safe one until there is one. */
 {name}_state {name}_start({start_arguments})
 {{
     {name}_state state;
@@ -88,7 +89,7 @@ typedef struct {{
     return state;
 }}
 
-/* One sample, so many seconds after the one before. */
+/* One sample, so many seconds after the one before; what is no finite time above 1e-9 s adds nothing to the integral. */
 {name}_output {name}_step({name}_state *state, {step_arguments}, real seconds)
 {{
     {name}_output output;

@@ -16,6 +16,7 @@ from revline.io.controller_files import controller_record
 from revline.io.json_files import format_json
 from revline.io.matlab_controller import write_matlab_controller
 from revline.io.recorded_operations import flat_parameters
+from revline.io.schedule_files import scheduled_record
 from revline.sampled import FixedRate, SampledController, Sampling
 from revline.units import RPM
 
@@ -129,14 +130,11 @@ sampled_from_measurement = kp + sampled_integral + sampled_derivative
 def export_json(export: Export) -> str:
     """Write NAME.json: the controller file, the parameters of its sampled form, and its gains in units of engine computers."""
     parameters = {key: value for key, value in flat_parameters(export.code().parameters) if math.isfinite(value)}
-    return format_json(
-        {
-            **controller_record(export.law, provenance=export.provenance),
-            "rest": {"output": export.rest[0], "measurement": export.rest[1]},
-            "sampled_parameters": parameters,
-            **({} if isinstance(export.controller, ScheduledController) else {"engine_computer_units": engine_computer_units(export)}),
-        }
-    )
+    rest = {"rest": {"output": export.rest[0], "measurement": export.rest[1]}, "sampled_parameters": parameters}
+    if isinstance(export.controller, ScheduledController):
+        return format_json({**scheduled_record(export.controller, provenance=export.provenance), **rest})
+    record = controller_record(export.controller, provenance=export.provenance)
+    return format_json({**record, **rest, "engine_computer_units": engine_computer_units(export)})
 
 
 def engine_computer_units(export: Export) -> Mapping[str, float | str]:

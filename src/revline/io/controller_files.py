@@ -110,8 +110,21 @@ def parse_controller(record: JsonRecord) -> ControllerFile:
         designed_on=record.text("designed_on", "not stated"),
         details=record.notes("details"),
     )
+    _check_units(record, gains)
     controller = parse_surroundings(record, gains)
     return ControllerFile(where=record.where, controller=controller, provenance=MappingProxyType(record.notes("provenance")))
+
+
+def _check_units(record: JsonRecord, gains: PidGains) -> None:
+    """The units that a file states beside its gains must be those that they are taken in."""
+    stated = record.notes("units")
+    for name, unit in gains.gain_units.items():
+        if stated.get(name, unit) != unit:
+            message = (
+                f'{record.where}: "units" has {name} in {stated[name]}, and with "input_unit" {gains.input_unit} and "output_unit" '
+                f"{gains.output_unit} it is in {unit}; convert the gain, or mend these keys"
+            )
+            raise InvalidInputError(message, key="units")
 
 
 def write_controller(path: str | Path, controller: PidGains | PidController, *, provenance: Mapping[str, float | str]) -> None:

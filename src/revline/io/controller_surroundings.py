@@ -1,5 +1,6 @@
 """What an engine computer puts around the gains of a PID controller, as keys of a controller file."""
 
+import difflib
 import math
 from collections.abc import Mapping
 from typing import Final
@@ -22,6 +23,12 @@ NUMBERS: Final = (
     ("output_step", "output_step", 0.0),
 )
 """Keys that hold numbers, the attributes they stand for, and what holds where they are absent."""
+
+OTHERS: Final = frozenset({"anti_windup", "tracking_time_s", "safe_output", "hold_samples", "sampling"})
+OF_GAINS: Final = frozenset({"kp", "ki", "kd", "input_unit", "output_unit", "derivative_acts_on", "rule", "designed_on", "schema", "units"})
+OF_SAMPLING: Final = frozenset({"kind", "period_s", "angle_rad", "computation_delay_s"})
+NEAR: Final = 0.76
+"""How alike a key must be to one that is read, 1 being the same, to be taken for it, misspelt: a forgotten unit is."""
 
 FIXED_RATE, CRANK = "fixed-rate", "crank-synchronous"
 
@@ -68,6 +75,7 @@ def parse_surroundings(record: JsonRecord, gains: PidGains) -> PidController:
         InvalidInputError: a key holds something else than it should, or a value is outside its range.
     """
     entries = record.entries
+    _refuse_misspelt(record)
     values = {name: record.number(key) for key, name, _ in NUMBERS if key in entries}
     sampling = _sampling(record)
     default = AntiWindup.NONE if isinstance(sampling, Continuous) else AntiWindup.CLAMPING
@@ -86,6 +94,16 @@ def parse_surroundings(record: JsonRecord, gains: PidGains) -> PidController:
     )
 
 
+def _refuse_misspelt(record: JsonRecord) -> None:
+    """A file may have any other keys, but not one that was hardly meant as another: it would be dropped."""
+    known = {key for key, _, _ in NUMBERS} | OTHERS
+    for key in record.entries.keys() - known - OF_GAINS:
+        meant = difflib.get_close_matches(key.lower(), known, n=1, cutoff=NEAR)
+        if meant:
+            message = f'{record.where}: "{key}" is no key of a controller, and "{meant[0]}" is one; write that, or rename yours'
+            raise InvalidInputError(message, key=key)
+
+
 def _sampling(record: JsonRecord) -> Timing:
     found = record.entries.get("sampling")
     if found is None:
@@ -94,6 +112,10 @@ def _sampling(record: JsonRecord) -> Timing:
         message = f'{record.where}: "sampling" is {found!r}; write an object, for example {{"kind": "fixed-rate", "period_s": 0.01}}'
         raise InvalidInputError(message, key="sampling")
     inner = JsonRecord(where=f'{record.where}, "sampling"', entries=found)
+    unknown = sorted(found.keys() - OF_SAMPLING)
+    if unknown:
+        message = f'{inner.where}: "{unknown[0]}" is unknown; there are {", ".join(sorted(OF_SAMPLING))}'
+        raise InvalidInputError(message, key=unknown[0])
     kind = inner.text("kind", FIXED_RATE)
     delay = inner.number("computation_delay_s") if "computation_delay_s" in found else 0.0
     if kind == FIXED_RATE:

@@ -5,8 +5,8 @@ from typing import Final
 
 from revline.design.controller import PidGains
 from revline.design.margins import Margins, find_margins
-from revline.design.pid_controller import AntiWindup, PidController
 from revline.design.rule_comparison import RuleComparison
+from revline.design.rule_making import recommended_controller
 from revline.design.tuning_plant import TuningPlant
 from revline.errors import InvalidInputError
 from revline.io.controller_files import controller_record
@@ -21,11 +21,7 @@ def tuned_record(gains: PidGains, *, provenance: Mapping[str, float | str]) -> M
         gains: from the rule.
         provenance: what writes it, from what.
     """
-    weight = gains.details.get("setpoint_weight", 1.0)
-    if not isinstance(weight, float) or weight == 1.0:
-        return controller_record(gains, provenance=provenance)
-    controller = PidController(gains=gains, setpoint_weight=weight, anti_windup=AntiWindup.NONE)
-    return controller_record(controller, provenance=provenance)
+    return controller_record(recommended_controller(gains), provenance=provenance)
 
 
 def loop_record(plant: TuningPlant, gains: PidGains) -> Mapping[str, object]:
