@@ -31,7 +31,11 @@ def test_c1_on_g1(revline: Command, g1: Path, c1: Path, tmp_path: Path) -> None:
     assert record["settling_time_s"] == pytest.approx(0.277, abs=1e-3)
     assert "throttle_limits_deg" not in record
     rows = rows_of(path)
-    assert list(rows[0]) == ["time_s", "speed_rad_s", "throttle_deg"]
+    assert list(rows[0]) == ["time_s", "speed_rad_s", "throttle_deg", "proportional_deg", "integral_deg", "derivative_deg"]
+    for row in rows[:: len(rows) // 20]:
+        terms = [float(row[f"{name}_deg"]) for name in ("proportional", "integral", "derivative")]
+        assert float(row["throttle_deg"]) == pytest.approx(sum(terms), abs=1e-9)
+        assert terms[2] == pytest.approx(0.0, abs=1e-9)  # C1 has no derivative
     assert max(float(row["speed_rad_s"]) for row in rows) == pytest.approx(60.0 * 1.077, abs=0.05)
     assert record["form"] in path.read_text()
 
