@@ -31,7 +31,7 @@ def test_c1_on_g1(revline: Command, g1: Path, c1: Path, tmp_path: Path) -> None:
     assert record["settling_time_s"] == pytest.approx(0.277, abs=1e-3)
     assert "throttle_limits_deg" not in record
     rows = rows_of(path)
-    assert list(rows[0]) == ["time_s", "speed_rad_s", "throttle_deg", "proportional_deg", "integral_deg", "derivative_deg"]
+    assert list(rows[0]) == ["time_s", "speed_rad_s", "throttle_deg", "proportional_deg", "integral_deg", "derivative_deg", "windup_deg"]
     for row in rows[:: len(rows) // 20]:
         terms = [float(row[f"{name}_deg"]) for name in ("proportional", "integral", "derivative")]
         assert float(row["throttle_deg"]) == pytest.approx(sum(terms), abs=1e-9)
@@ -75,7 +75,7 @@ def test_c1_diverges_on_g2d_and_hunts_on_the_engine(revline: Command, c1: Path, 
     assert cycle["period_s"] == pytest.approx(0.2088, abs=1e-4)
     assert record["throttle_limits_deg"] == [0.0, 79.46]
     rows = rows_of(path)
-    assert list(rows[0]) == ["time_s", "speed_rad_s", "throttle_deg", "proportional_deg", "integral_deg", "derivative_deg"]
+    assert list(rows[0]) == ["time_s", "speed_rad_s", "throttle_deg", "proportional_deg", "integral_deg", "derivative_deg", "windup_deg"]
     free = [row for row in rows if 0.0 < float(row["throttle_deg"]) < 79.46]
     for row in free[:: len(free) // 50]:
         terms = sum(float(row[f"{name}_deg"]) for name in ("proportional", "integral", "derivative"))

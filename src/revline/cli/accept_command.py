@@ -9,7 +9,7 @@ import typer
 
 from revline import __version__
 from revline.cli.controllers import TimingChoice, own_limits, read_any_controller
-from revline.cli.loop_command import throttle_limits
+from revline.cli.loop_runs import throttle_limits
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, OutOption, QuietOption
 from revline.cli.shell import Facts, Grid, Shell
 

@@ -8,7 +8,7 @@ import typer
 
 from revline import __version__
 from revline.cli.controllers import TimingChoice, own_limits, read_any_controller
-from revline.cli.loop_command import throttle_limits
+from revline.cli.loop_runs import throttle_limits
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, QuietOption
 from revline.cli.plants import EngineChoice, find_engine_trim, refuse_engine
 from revline.cli.shell import Facts, Shell

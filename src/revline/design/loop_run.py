@@ -1,7 +1,7 @@
 """What a closed loop did after a step of its command, and the judgement how it ended, whatever ran it."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,10 +11,11 @@ from revline.design.classify import Criteria, classify_outcome
 from revline.design.controller import PidGains
 from revline.design.loop_simulation import LoopRecord, describe_stall
 from revline.design.outcome import Diverged, LimitCycle, Outcome, Settled
-from revline.design.pid_controller import AntiWindup, PidController
+from revline.design.pid_controller import AntiWindup, Continuous, PidController
 from revline.design.step_measures import StepMeasures, measure_overshoot, measure_step
 from revline.design.time_series import MIN_SAMPLES
 from revline.errors import DivergedError, InvalidInputError, NotSettledError, out_of_range
+from revline.sampled import FixedRate
 from revline.signals import Signal
 from revline.system import DelaySystem
 from revline.values import make_read_only
@@ -32,14 +33,33 @@ def describe_form(controller: PidController) -> str:
     if not controller.extras:
         return FORM
     b, c, tf, unit = controller.setpoint_weight, controller.derivative_weight, controller.filter_time, controller.gains.input_unit
+    weighted = "-y" if c == 0.0 else f"{c:g} r - y"
+    derivative = f"kd s/({tf:g} s + 1) ({weighted})" if tf > 0.0 else f"kd d({weighted})/dt"
     proportional = "kp e" if b == 1.0 else f"kp ({b:g} r - y)"
-    derivative = f"kd s/({tf:g} s + 1) ({c:g} r - y)" if tf > 0.0 else "kd d(-y)/dt"
-    windup = controller.anti_windup.value
     followed = f" over {controller.tracking_time:g} s" if controller.tracking_time is not None else ""
-    parts = [f"u = trim + {proportional} + ki integral of e + {derivative}", "integral from 0", "true step command"]
-    parts.append("no anti-windup" if controller.anti_windup is AntiWindup.NONE else f"anti-windup by {windup}{followed}")
+    none = controller.anti_windup is AntiWindup.NONE
+    parts = [f"u = trim + {proportional} + ki integral of e + {derivative}", *_describe_sampling(controller)]
+    parts += [
+        "integral from 0",
+        "true step command",
+        "no anti-windup" if none else f"anti-windup by {controller.anti_windup.value}{followed}",
+    ]
     parts += [f"errors within {controller.dead_zone:g} {unit} count as none"] if controller.dead_zone > 0.0 else []
     return "; ".join(parts)
+
+
+def _describe_sampling(controller: PidController) -> list[str]:
+    """Say in words when a controller samples, and what it does at its samples alone."""
+    sampling, drive, unit = controller.sampling, controller.gains.output_unit, controller.gains.input_unit
+    if isinstance(sampling, Continuous):
+        return []
+    when = f"each {sampling.period:g} s" if isinstance(sampling, FixedRate) else f"each {sampling.angle:g} rad of the crank"
+    delay = f" {sampling.computation_delay:g} s after the sample" if sampling.computation_delay > 0.0 else ""
+    parts = [f"sampled {when}, the output held from{delay or ' the sample'} on", "backward sums and differences"]
+    parts += [f"rate at most {controller.rate_limit:g} {drive}/s"] if math.isfinite(controller.rate_limit) else []
+    parts += [f"measured to {controller.measurement_step:g} {unit}"] if controller.measurement_step > 0.0 else []
+    parts += [f"output in steps of {controller.output_step:g} {drive}"] if controller.output_step > 0.0 else []
+    return parts
 
 
 class Limits(NamedTuple):
@@ -123,6 +143,17 @@ class LoopRun:
         """How far the control wanted is beyond its limits, with its sign, shape (n,): what the loop must take back before it answers."""
         wanted = self.wanted
         return np.asarray(wanted - np.clip(wanted, *self.limits))
+
+    def first_part(self, end: float) -> "LoopRun":
+        """The record up to a time, with its own overshoot; the judgement stays that of the whole.
+
+        Args:
+            end: in s, after the first samples.
+        """
+        k = max(int(np.searchsorted(self.times, end)), MIN_SAMPLES)
+        times, output = self.times[:k], self.output[:k]
+        overshoot = measure_overshoot(times, output, start=0.0, target=self.target, command=self.command)
+        return replace(self, times=times, output=output, control=self.control[:k], terms=self.terms[:k], overshoot=overshoot)
 
     def measures(self) -> StepMeasures:
         """Overshoot, rise and settling time.
