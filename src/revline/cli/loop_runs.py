@@ -166,11 +166,11 @@ def _run_model(path: Path, controller: "PidController", task: "LoopTask", option
     sampled: SampledStep | None = None
     if _is_sampled(controller):
         sampled = run_sampled_linear_step(file.model, controller, task, name=file.name, base=base, disturbance=options.disturbance)
-        run, more = sampled.run, {}
+        run = sampled.run
     else:
         run = run_linear_loop(file.model, controller, task, name=file.name, base=base)
-        more = bandwidth_fields(file.model, controller)
-    return _result(run, sampled, None, lambda: judge_linear_model(file.model, controller, speed=base[1]), more)
+    bandwidth = bandwidth_fields(file.model, controller) if sampled is None else {}
+    return _result(run, sampled, None, lambda: judge_linear_model(file.model, controller, speed=base[1]), bandwidth)
 
 
 def _is_sampled(controller: "PidController") -> bool:

@@ -8,10 +8,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from revline.analysis.linearize import linearize
 from revline.analysis.trim import Trim
 from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals
-from revline.design.discrete_loop import find_discrete_margins, sampled_plant_of_model, sampled_plant_of_system
+from revline.design.discrete_loop import Transfer, find_discrete_margins, sampled_plant_of_model, sampled_plant_of_system
 from revline.design.margins import Margins, find_margins
 from revline.design.open_loop import OpenLoop, open_loop_of_model, open_loop_of_system
 from revline.design.pid_controller import Continuous, PidController
@@ -82,10 +84,11 @@ def judge_linear_system(
         AnalysisError: roots to the right may be without number.
     """
     model = linearize(plant, trim).model
-    if isinstance(controller.sampling, Continuous):
-        return _judge_continuous(lambda law: open_loop_of_system(model, law, wires=wires, name=plant.name), controller)
     sampled, speed = sampled_plant_of_system(model, wires=wires, name=plant.name), trim.output(wires.measurement)
-    return _judge_sampled(lambda law: find_discrete_margins(sampled, law, speed=speed).margins, controller)
+    static = _static_gain(sampled.transfer)
+    if isinstance(controller.sampling, Continuous):
+        return _judge_continuous(lambda law: open_loop_of_system(model, law, wires=wires, name=plant.name), controller, static)
+    return _judge_sampled(lambda law: find_discrete_margins(sampled, law, speed=speed).margins, controller, static)
 
 
 def judge_linear_model(model: TransferFunction, controller: PidController, *, speed: float = 0.0) -> LinearVerdict:
@@ -100,39 +103,53 @@ def judge_linear_model(model: TransferFunction, controller: PidController, *, sp
         InvalidInputError: plant and controller do not make a well-posed loop; sampled, also where the model has a pole on the axis.
         NotConvergedError: the loop has a root on the stability boundary, or too near to tell.
     """
+    static = _static_gain(lambda s: np.asarray(model(s)))
     if isinstance(controller.sampling, Continuous):
-        return _judge_continuous(lambda law: open_loop_of_model(model, law), controller)
+        return _judge_continuous(lambda law: open_loop_of_model(model, law), controller, static)
     sampled = sampled_plant_of_model(model)
     given = {} if speed == 0.0 else {"speed": speed}
-    return _judge_sampled(lambda law: find_discrete_margins(sampled, law, **given).margins, controller)
+    return _judge_sampled(lambda law: find_discrete_margins(sampled, law, **given).margins, controller, static)
 
 
-def _judge_continuous(make: Callable[[PidController], OpenLoop], controller: PidController) -> LinearVerdict:
+def _static_gain(transfer: Transfer) -> float:
+    """Gain of the plant at rest; infinite where it integrates."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        value = complex(transfer(np.zeros(1, dtype=complex))[0])
+    return value.real if math.isfinite(value.real) else math.inf
+
+
+def _judge_continuous(make: Callable[[PidController], OpenLoop], controller: PidController, static: float) -> LinearVerdict:
     loop = make(controller)
     try:
         margins = find_margins(loop)
     except (InvalidInputError, NotConvergedError):  # no gain, or one that does not fall: the count alone stands
         margins = None
-    stable_range = None if margins is None or loop.stable else _find_range(margins, controller, lambda law: make(law).stable)
+    stable_range = None if margins is None or loop.stable else _find_range(margins, controller, static, lambda law: make(law).stable)
     where = "right of the imaginary axis"
     return LinearVerdict(unstable_poles=loop.unstable_poles, where=where, margins=margins, stable_range=stable_range)
 
 
-def _judge_sampled(find: Callable[[PidController], Margins], controller: PidController) -> LinearVerdict:
+def _judge_sampled(find: Callable[[PidController], Margins], controller: PidController, static: float) -> LinearVerdict:
     margins = find(controller)
-    stable_range = None if margins.stable else _find_range(margins, controller, lambda law: find(law).stable)
+    stable_range = None if margins.stable else _find_range(margins, controller, static, lambda law: find(law).stable)
     where = "outside the unit circle, as its samples see it"
     return LinearVerdict(unstable_poles=margins.unstable_poles, where=where, margins=margins, stable_range=stable_range)
 
 
-def _find_range(margins: Margins, controller: PidController, stable: Callable[[PidController], bool]) -> tuple[float, float] | None:
-    """Ask the ranges between crossings for stability, from the gains outwards, the smaller factors first."""
-    edges = sorted(crossing.gain_margin for crossing in margins.phase_crossovers)
+def _find_range(
+    margins: Margins, controller: PidController, static: float, stable: Callable[[PidController], bool]
+) -> tuple[float, float] | None:
+    """Ask the ranges between crossings for stability, from the gains outwards, the smaller factors first.
+
+    Without integral action a root may pass through rest itself too, which is no crossover.
+    """
+    gains, edges = controller.gains, sorted(crossing.gain_margin for crossing in margins.phase_crossovers)
+    if gains.ki == 0.0 and math.isfinite(static) and gains.kp * static < 0.0:
+        edges = sorted([*edges, -1.0 / (gains.kp * static)])
     ranges = list(zip([0.0, *edges], [*edges, math.inf], strict=True))
     below, above = [one for one in ranges if one[1] < 1.0][::-1], [one for one in ranges if one[0] > 1.0][:TRIES]
     for low, high in (*below[:TRIES], *below[TRIES:][-1:], *above):  # the lowest range is asked in any case
         middle = math.sqrt(low * high) if low > 0.0 and math.isfinite(high) else 0.9 * high if low == 0.0 else 1.1 * low
-        gains = controller.gains.scaled(kp=middle, ki=middle, kd=middle)
-        if stable(replace(controller, gains=gains)):
+        if stable(replace(controller, gains=gains.scaled(kp=middle, ki=middle, kd=middle))):
             return low, high
     return None
