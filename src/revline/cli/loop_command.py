@@ -43,7 +43,7 @@ LoadStepOption = Annotated[
     float | None, typer.Option("--load-step", metavar="N_M", help="Also step the load torque by so much [N m], on an engine.")
 ]
 LoadAtOption = Annotated[
-    float | None, typer.Option("--load-at", metavar="S", help="When the load steps [s]; by default at half of the stop time.")
+    float | None, typer.Option("--load-at", metavar="S", help="When the load steps [s]; by default at a third of the stop time.")
 ]
 PeriodOption = Annotated[
     float | None, typer.Option("--period", metavar="S", help="Run the controller sampled, each so many seconds [s]; else as its file says.")
@@ -133,7 +133,7 @@ def _load_step(size: float | None, at: float | None, until: float) -> "LoadStep 
             message = "--load-at says when the load steps, and there is no step; give --load-step too"
             raise InvalidInputError(message)
         return None
-    when = until / 2.0 if at is None else at
+    when = until / 3.0 if at is None else at
     if not when < until:
         raise out_of_range("--load-at", when, "s", f"values below the stop time of {until:g} s", "step the load earlier")
     return LoadStep(size=size, at=when)
