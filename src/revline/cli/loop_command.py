@@ -165,7 +165,7 @@ FURTHER = (
     ("load_step", "droop_rad_s", "droop after the load's step", "rad/s"),
     ("load_step", "settling_time_s", "settling time after it", "s"),
     ("disturbed", "deviation_rms_rad_s", "noise and jitter move the speed by", "rad/s rms"),
-    ("linear_loop", "gain_margin", "linear loop: gain may rise by", ""),
+    ("linear_loop", "gain_margin", "gain may rise by", "times, of the linear loop"),
 )
 """The same of fields within a field."""
 

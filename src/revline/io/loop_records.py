@@ -81,6 +81,8 @@ def term_fields(terms: Floats, windup: Floats) -> Mapping[str, object]:
 def verdict_fields(verdict: LinearVerdict) -> Mapping[str, object]:
     """Give what the linear loop about the operating point says as a field of a record; what does not exist is left out.
 
+    The margins of an unstable loop are left out: they are no safety.
+
     Args:
         verdict: of the linear loop.
     """
@@ -88,7 +90,7 @@ def verdict_fields(verdict: LinearVerdict) -> Mapping[str, object]:
     if math.isfinite(verdict.unstable_poles):
         found["unstable_poles"] = round(verdict.unstable_poles)
     margins = verdict.margins
-    if margins is not None:
+    if margins is not None and verdict.stable:
         found |= {"ms": margins.sensitivity.value}
         found |= {"gain_margin": margins.gain_rise.gain_margin} if margins.gain_rise else {}
         found |= {"phase_margin_deg": margins.phase.phase_margin_deg} if margins.phase else {}
