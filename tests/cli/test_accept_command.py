@@ -79,15 +79,16 @@ def test_no_trim_is_an_analysis_that_could_not_be_completed(revline: Command, tm
     assert "no trim" in done.err
 
 
-@pytest.mark.parametrize("command", ["loop", "margins"])
-def test_what_would_be_dropped_is_refused_by_commands_that_know_the_plain_law(revline: Command, tmp_path: Path, command: str) -> None:
-    """A set-point weight is nothing to margins, and much to a step of the command."""
+def test_what_would_be_dropped_is_refused_by_commands_that_know_the_plain_law(revline: Command, tmp_path: Path) -> None:
+    """A set-point weight is nothing to the loop alone; a filter is much, and the message names what takes it."""
     file = controller(tmp_path, **MILD, filter_time_s=0.02)
-    done = revline(command, file, "--throttle", 25)
+    done = revline("limit-cycle", file, "--throttle", 25)
     assert done.status == 2
     assert "the controller has a derivative filter, which would be dropped here" in " ".join(done.err.split())
+    assert "`loop`, `margins`, `accept` and `export`" in " ".join(done.err.split())
+    assert revline("region", "--throttle", 25, "--mark", file).status == 2
     weighted = controller(tmp_path, **MILD, setpoint_weight=0.5)
-    assert revline(command, weighted, "--throttle", 25).status == (0 if command == "margins" else 2)
+    assert revline("region", "--throttle", 25, "--mark", weighted).status == 0
 
 
 def test_the_ultimate_gain_by_every_way(revline: Command, tmp_path: Path) -> None:

@@ -1,5 +1,7 @@
 import csv
+import itertools
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -31,7 +33,11 @@ def test_c1_on_g1(revline: Command, g1: Path, c1: Path, tmp_path: Path) -> None:
     assert record["settling_time_s"] == pytest.approx(0.277, abs=1e-3)
     assert "throttle_limits_deg" not in record
     rows = rows_of(path)
-    assert list(rows[0]) == ["time_s", "speed_rad_s", "throttle_deg"]
+    assert list(rows[0]) == ["time_s", "speed_rad_s", "throttle_deg", "proportional_deg", "integral_deg", "derivative_deg", "windup_deg"]
+    for row in rows[:: len(rows) // 20]:
+        terms = [float(row[f"{name}_deg"]) for name in ("proportional", "integral", "derivative")]
+        assert float(row["throttle_deg"]) == pytest.approx(sum(terms), abs=1e-9)
+        assert terms[2] == pytest.approx(0.0, abs=1e-9)  # C1 has no derivative
     assert max(float(row["speed_rad_s"]) for row in rows) == pytest.approx(60.0 * 1.077, abs=0.05)
     assert record["form"] in path.read_text()
 
@@ -71,7 +77,7 @@ def test_c1_diverges_on_g2d_and_hunts_on_the_engine(revline: Command, c1: Path, 
     assert cycle["period_s"] == pytest.approx(0.2088, abs=1e-4)
     assert record["throttle_limits_deg"] == [0.0, 79.46]
     rows = rows_of(path)
-    assert list(rows[0]) == ["time_s", "speed_rad_s", "throttle_deg", "proportional_deg", "integral_deg", "derivative_deg"]
+    assert list(rows[0]) == ["time_s", "speed_rad_s", "throttle_deg", "proportional_deg", "integral_deg", "derivative_deg", "windup_deg"]
     free = [row for row in rows if 0.0 < float(row["throttle_deg"]) < 79.46]
     for row in free[:: len(free) // 50]:
         terms = sum(float(row[f"{name}_deg"]) for name in ("proportional", "integral", "derivative"))
@@ -145,3 +151,137 @@ def test_limits_that_no_throttle_reaches_are_refused(options: tuple[object, ...]
     done = revline("loop", c1, "--throttle", 25, *options)
     assert (done.status, done.out) == (2, "")
     assert message in done.err
+
+
+ECU = {
+    "kp": 0.4,
+    "ki": 0.6,
+    "kd": 0.02,
+    "setpoint_weight": 0.8,
+    "filter_time_s": 0.02,
+    "output_low": 5.0,
+    "output_high": 60.0,
+    "rate_limit_per_s": 100.0,
+    "sampling": {"kind": "fixed-rate", "period_s": 0.01, "computation_delay_s": 0.002},
+}
+
+
+def write_file(folder: Path, **entries: object) -> Path:
+    path = folder / "full.json"
+    path.write_text(json.dumps(entries))
+    return path
+
+
+def test_a_sampled_controller_runs_as_its_file_says(revline: Command, tmp_path: Path) -> None:
+    """Terms and wind-up at each sample, the rate's limit in the output, what noise and a step of the load do."""
+    out, samples = tmp_path / "loop.csv", tmp_path / "samples.csv"
+    arguments = ("--throttle", 25, "--step", 20, "--until", 20, "--load-step", 5, "--noise", 0.2, "--seed", 3, "--json")
+    done = revline("loop", write_file(tmp_path, **ECU), *arguments, "--out", out, "--samples", samples)
+    record = json.loads(done.out)
+    assert (record["outcome"], record["samples"], record["overruns"]) == ("settled", 2001, 0)
+    assert record["throttle_limits_deg"] == [5.0, 60.0]
+    assert record["equivalent_delay_s"] == pytest.approx(0.007)
+    assert record["controller"]["sampling"] == record["sampling"] == ECU["sampling"]
+    assert record["linear_loop"]["stable"] is True
+    assert record["linear_loop"]["gain_margin"] > 2.0
+    assert 0.0 < record["disturbed"]["deviation_rms_rad_s"] < 0.5
+    assert record["disturbed"]["seed"] == 3
+    assert record["load_step"]["at_s"] == pytest.approx(20.0 / 3.0)
+    assert 0.5 < record["load_step"]["droop_rad_s"] < 10.0
+    assert record["windup"]["largest_deg"] > 5.0  # the output may rise by 1 deg from sample to sample
+    rows = [{name: float(cell) for name, cell in row.items()} for row in rows_of(samples)]
+    assert len(rows) == 2001
+    for before, row in itertools.pairwise(rows):
+        assert abs(row["throttle_deg"] - before["throttle_deg"]) <= 1.0 + 1e-9
+        assert row["throttle_wanted_deg"] - row["throttle_deg"] == pytest.approx(row["windup_deg"], abs=1e-9)
+    columns = list(rows_of(out)[0])
+    assert columns[-2:] == ["windup_deg", "quiet_speed_rad_s"]
+    again = revline("loop", write_file(tmp_path, **ECU), *arguments)
+    assert json.loads(again.out) == record
+
+
+def test_a_continuous_controller_with_all_that_has_a_continuous_form(revline: Command, tmp_path: Path) -> None:
+    """At a limit back-calculation leads the integral back; without it the integral winds up and the speed overshoots more."""
+    law = {"kp": 0.4, "ki": 2.0, "kd": 0.02, "filter_time_s": 0.02, "output_high": 40.0}
+    followed = {**law, "anti_windup": "back-calculation", "tracking_time_s": 0.2}
+    with_it, without = (
+        json.loads(revline("loop", write_file(tmp_path, **one), "--throttle", 25, "--until", 20, "--json").out) for one in (followed, law)
+    )
+    assert with_it["form"].startswith("u = trim + kp e + ki integral of e + kd s/(0.02 s + 1) (-y)")
+    assert with_it["terms"]["integral"]["high_deg"] < without["terms"]["integral"]["high_deg"] - 3.0
+    assert with_it["overshoot"] < without["overshoot"] - 0.05
+    assert with_it["throttle_high_deg"] == without["throttle_high_deg"] == 40.0
+    assert with_it["controller"]["tracking_time_s"] == 0.2
+    clamped = revline("loop", write_file(tmp_path, **law, anti_windup="clamping"), "--throttle", 25)
+    assert clamped.status == 2
+    assert "use back-calculation with a tracking_time_s" in " ".join(clamped.err.split())
+
+
+@pytest.mark.reference
+def test_an_unstable_linear_loop_is_run_with_a_warning_that_names_its_margin(revline: Command, c1: Path) -> None:
+    """The exact linear engine of Lee (1995) at 25 deg stands 0.576 times the gains of C1: -4.79 dB."""
+    done = revline("loop", c1, "--throttle", 25, "--step", 60, "--json")
+    record = json.loads(done.out)
+    assert (done.status, record["outcome"]) == (0, "limit-cycle")
+    assert "2 poles right of the imaginary axis; it would be stable below 0.57" in " ".join(done.err.split())
+    assert record["linear_loop"]["stable_to_factor"] == pytest.approx(0.576, abs=1e-3)
+    assert (record["linear_loop"]["stable"], record["linear_loop"]["unstable_poles"]) == (False, 2)
+    assert record["warnings"] == [done.err.removeprefix("warning: ").strip()]
+
+
+def test_a_sampled_controller_on_a_model(revline: Command, tmp_path: Path) -> None:
+    """A lag without delay under a sampled PI: its samples are a recursion; placed at a trim, limits are the throttle's own."""
+    lag = TransferFunction(numerator=(12.0,), denominator=(1.0, 0.6), input_unit="deg", output_unit="rad/s")
+    write_model(tmp_path / "lag.json", lag, name="lag", provenance={})
+    pi = write_file(tmp_path, kp=2.0, ki=12.0, kd=0.0)
+    arguments = ("loop", tmp_path / "lag.json", pi, "--period", 0.01, "--until", 4)
+    samples = tmp_path / "samples.csv"
+    record = json.loads(revline(*arguments, "--samples", samples, "--json").out)
+    output, integral, shrink = 0.0, 0.0, math.exp(-0.01 / 0.6)
+    for row in rows_of(samples):
+        assert float(row["speed_measured_rad_s"]) == pytest.approx(output, abs=1e-9)
+        integral += 0.12 * (60.0 - output)
+        held = 2.0 * (60.0 - output) + integral
+        assert float(row["throttle_deg"]) == pytest.approx(held, abs=1e-9)
+        output = 12.0 * held + (output - 12.0 * held) * shrink
+    assert record["overshoot"] == pytest.approx(0.0681971, abs=1e-6)
+    limited = write_file(tmp_path, kp=2.0, ki=12.0, kd=0.0, output_low=0.0, output_high=60.0)
+    alone = revline("loop", tmp_path / "lag.json", limited, "--period", 0.01)
+    assert alone.status == 2
+    assert "a model by itself knows deviations only" in " ".join(alone.err.split())
+    placed = json.loads(revline("loop", tmp_path / "lag.json", limited, "--period", 0.01, "--throttle", 25, "--json").out)
+    assert placed["throttle_limits_deg"] == [0.0, 60.0]
+    assert placed["throttle_high_deg"] == 60.0
+
+
+@pytest.mark.parametrize(
+    ("entries", "arguments", "message"),
+    [
+        ({}, ("--noise", 0.1), "--noise tells of samples, and the controller is continuous"),
+        ({}, ("--computation-delay", 0.001), "--computation-delay tells of samples"),
+        ({}, ("--samples", "x.csv"), "--samples writes what a sampled controller did"),
+        ({}, ("--load-at", 3), "--load-at says when the load steps, and there is no step"),
+        ({}, ("--load-step", 5, "--load-at", 30), "load-at = 30 s is outside values below the stop time of 20 s"),
+        ({}, ("--load-step", 0), "step of the load = 0 moves nothing"),
+        ({"output_step": 0.1}, (), "has a quantised output, which jumps"),
+        (ECU, ("--period", 0.005), "says itself when its controller samples"),
+        ({}, ("--period", 0.01, "--jitter", 0.01), "jitter = 0.01 s is outside"),
+    ],
+)
+def test_what_a_sampled_loop_refuses(
+    entries: dict[str, object], arguments: tuple[object, ...], message: str, revline: Command, tmp_path: Path
+) -> None:
+    done = revline("loop", write_file(tmp_path, **{"kp": 1.2, "ki": 2.0, "kd": 0.1} | entries), "--throttle", 25, *arguments)
+    assert (done.status, done.out) == (2, "")
+    assert message in " ".join(done.err.split())
+
+
+def test_what_a_model_s_loop_refuses(revline: Command, g1: Path, tmp_path: Path) -> None:
+    plain = write_controller(tmp_path / "c.json", 1.2, 2.0, 0.0)
+    for arguments, message in (
+        (("--load-step", 5), "a linear model has no load"),
+        (("--crank-angle", 3.14), "sampling by the crank's angle needs the speed itself"),
+    ):
+        done = revline("loop", g1, plain, *arguments)
+        assert done.status == 2
+        assert message in " ".join(done.err.split())

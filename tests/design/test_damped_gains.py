@@ -13,6 +13,7 @@ from revline.design.gain_curve import AXIS, Contour, gains_at
 from revline.design.gain_region import Window, find_gain_region
 from revline.design.loop_family import family_of_model, family_of_system
 from revline.design.open_loop import _close, open_loop_of_system
+from revline.design.pid_controller import continuous_law
 from revline.engine.lee1995 import lee1995
 from revline.errors import InvalidInputError
 from revline.lti.roots import characteristic_roots
@@ -70,7 +71,7 @@ def test_the_engines_counts_agree_with_its_listed_roots(engine_model: DelayState
     needed = [position(engine_model.outputs, "engine_speed"), position(engine_model.outputs, "engine_acceleration")]
     for p, i in zip(generator.uniform(-0.05, 3.0, 6), generator.uniform(0.1, 30.0, 6), strict=True):
         gains = PidGains(kp=p, ki=i, kd=kd, input_unit="rad/s", output_unit="deg", rule="r", designed_on="d")
-        roots = characteristic_roots(_close(engine_model, gains, drive, needed), count=12).roots
+        roots = characteristic_roots(_close(engine_model, continuous_law(gains), drive, needed), count=12).roots
         assert roots[-1].real < -DAMPED.decay
         assert found.unstable_roots(p, i) == np.sum(DAMPED.is_right(roots))
         assert found.unstable_roots(p, i) >= axis.unstable_roots(p, i)

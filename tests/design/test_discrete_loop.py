@@ -67,14 +67,14 @@ def critical_gain_by_roots(period: float, delay: float) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("computation", [0.0, 0.011])
-@pytest.mark.parametrize("period", [0.02, 0.05])
+@pytest.mark.parametrize("period", [0.02, 0.05, 0.0165])
 def test_the_gain_margin_of_a_sampled_lag_is_where_its_polynomial_has_roots_on_the_unit_circle(period: float, computation: float) -> None:
     gain, frequency = critical_gain_by_roots(period, LAG.delay + computation)
     found = find_discrete_margins(sampled_plant_of_model(LAG), sampled(PROPORTIONAL, period, computation=computation))
     rise = found.margins.gain_rise
     assert rise is not None
-    assert rise.gain_margin * PROPORTIONAL.kp == pytest.approx(gain, rel=1e-3)
-    assert rise.frequency == pytest.approx(frequency, rel=1e-3)
+    assert rise.gain_margin * PROPORTIONAL.kp == pytest.approx(gain, rel=1e-8)
+    assert rise.frequency == pytest.approx(frequency, rel=1e-7)
     assert found.equivalent_delay == pytest.approx(period / 2.0 + computation)
     for factor, stable in ((0.99, True), (1.01, False)):
         near = sampled(replace(PROPORTIONAL, kp=factor * gain), period, computation=computation)
@@ -94,7 +94,10 @@ def test_the_plant_behind_the_hold_is_the_sum_of_its_pulse_response() -> None:
     omega = np.array([0.5, 10.0, 60.0, 0.999 * math.pi / PERIOD])
     wanted = np.exp(-1j * np.outer(omega, times)) @ pulse
     assert loop(omega) == pytest.approx(wanted, rel=1e-5)
-    assert loop.left_out < 1e-5
+    assert 0.0 < loop.left_out < 1e-5
+    closed = SampledLoop(plant.transfer, sampled(unit), PERIOD, 0.0, held=plant.held)
+    assert closed(omega) == pytest.approx(wanted, rel=1e-9)
+    assert closed.left_out == 0.0
 
 
 def test_fast_sampling_gives_the_continuous_margins_and_their_distance_falls_with_the_period() -> None:
@@ -149,7 +152,9 @@ def test_an_unstable_plant_and_a_high_gain_are_counted() -> None:
             "the controller has the measurement in rpm and model in rad/s; convert the gains",
         ),
         (
-            lambda: find_discrete_margins(sampled_plant_of_model(replace(LAG, denominator=(1.0, 1e-4))), sampled(PROPORTIONAL, 0.5)),
+            lambda: find_discrete_margins(
+                replace(sampled_plant_of_model(replace(LAG, denominator=(1.0, 1e-4))), held=None), sampled(PROPORTIONAL, 0.5)
+            ),
             "sampling period = 0.5 s is outside periods at which the sum over 5120 aliases settles to 1e-05",
         ),
     ],

@@ -18,7 +18,7 @@ from revline.design.outcome import LimitCycle, Settled, Stalled
 from revline.engine.lee1995 import lee1995
 from revline.io.fit_records import fit_record
 from revline.io.json_files import format_json, parse_json
-from revline.io.loop_records import format_loop, linear_loop_record, loop_record, loop_warnings
+from revline.io.loop_records import bandwidth_fields, format_loop, loop_record, loop_warnings
 from revline.io.model_files import parse_model
 from revline.io.point_records import format_map, linearization_record, map_record, trim_record, trim_warnings
 from revline.lti.transfer_function import TransferFunction
@@ -111,7 +111,7 @@ def test_a_fit_s_record_is_a_model_file() -> None:
 
 def test_a_settled_loop_has_overshoot_settling_time_and_bandwidth() -> None:
     run = settled()
-    record = as_json(linear_loop_record(run, G1))
+    record = as_json({**loop_record(run), **bandwidth_fields(G1, run.gains)})
     measures = run.measures()
     assert (record["outcome"], record["stable"]) == ("settled", True)
     assert record["overshoot"] == run.overshoot
@@ -124,7 +124,7 @@ def test_a_settled_loop_has_overshoot_settling_time_and_bandwidth() -> None:
 
 def test_a_loop_without_a_band_has_no_bandwidth() -> None:
     weak = run_linear_loop(G1, gains(0.05, 0.0), LoopTask(command=60.0, until=10.0), name="g1")
-    assert "bandwidth_rad_s" not in linear_loop_record(weak, G1)
+    assert "bandwidth_rad_s" not in bandwidth_fields(G1, weak.gains)
 
 
 def test_a_loop_that_rests_off_its_target_or_shows_no_settling_time_warns() -> None:
@@ -136,7 +136,7 @@ def test_a_loop_that_rests_off_its_target_or_shows_no_settling_time_warns() -> N
     limited = replace(off, limits=Limits(low=0.0, high=float(run.control[-1])))
     assert loop_warnings(limited) == ("the speed rests 30 rad/s off its target with the throttle at a limit",)
     assert loop_record(limited)["warnings"] == ["the speed rests 30 rad/s off its target with the throttle at a limit"]
-    short = replace(run, times=run.times[:350], output=run.output[:350], control=run.control[:350])
+    short = run.first_part(0.35)
     assert loop_warnings(short) == ("the record is too short to show a settling time; give a later stop time",)
     assert loop_warnings(replace(run, outcome=Stalled(time=0.4, state="engine_speed", value=0.0))) == ()
 
@@ -151,10 +151,10 @@ def test_what_does_not_exist_is_left_out() -> None:
     assert (stalled["ended_at_s"], stalled["state"], stalled["value"]) == (0.4, "engine_speed", 0.0)
     assert not {"overshoot", "limit_cycle", "settling_time_s"} & set(stalled)
     unstable = run_linear_loop(G2D, gains(5.0, 5.0), LoopTask(command=60.0, until=3.0), name="g2d")
-    diverged = as_json(linear_loop_record(unstable, G2D))
+    diverged = as_json({**loop_record(unstable), **bandwidth_fields(G2D, unstable.gains)})
     assert (diverged["stable"], diverged["speed_bound_rad_s"]) == (False, 600.0)
     assert not {"overshoot", "bandwidth_rad_s"} & set(diverged)
-    short = replace(run, times=run.times[:350], output=run.output[:350], control=run.control[:350])
+    short = run.first_part(0.35)
     assert isinstance(short.outcome, Settled)
     assert "settling_time_s" not in loop_record(short)
 
@@ -164,9 +164,9 @@ def test_a_loop_s_table_has_its_samples() -> None:
     lines = format_loop(run).splitlines()
     assert lines[0] == "# plant: g1"
     assert f"# form: {run.form}" in lines
-    first = lines.index("time_s,speed_rad_s,throttle_deg") + 1
+    first = lines.index("time_s,speed_rad_s,throttle_deg,proportional_deg,integral_deg,derivative_deg,windup_deg") + 1
     table = np.array([[float(cell) for cell in line.split(",")] for line in lines[first:]])
-    assert np.array_equal(table, np.column_stack([run.times, run.output, run.control]))
+    assert np.array_equal(table, np.column_stack([run.times, run.output, run.control, run.terms, run.windup]))
 
 
 def test_a_loop_starts_from_a_trim() -> None:

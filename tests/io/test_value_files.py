@@ -113,6 +113,7 @@ def test_a_file_holds_a_nested_record(tmp_path: Path) -> None:
         limits=Limits(),
         command=60.0,
         start=0.0,
+        rest=0.0,
         times=np.arange(3.0),
         output=np.array([0.1, 0.2, 1 / 3]),
         control=np.zeros(3)[::-1],

@@ -106,7 +106,7 @@ def surrounded(
     Raises:
         InvalidInputError: a limit is none that the throttle reaches, or the limits or the weight are none.
     """
-    from revline.cli.loop_command import throttle_limits
+    from revline.cli.loop_runs import throttle_limits
     from revline.design.scheduled_pid import ScheduledController, law_of
 
     law = law_of(controller)

@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from revline.cli.loop_command import throttle_limits
+from revline.cli.controllers import own_limits
+from revline.cli.loop_runs import throttle_limits
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption, ThrottleOption
 from revline.cli.shell import Facts, Grid, Shell
 
@@ -58,10 +59,11 @@ def limit_cycle(
 
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "limit cycle")
-    gains = read_controller(controller).feedback_gains
+    file = read_controller(controller)
+    gains = file.feedback_gains
     plant = load_engine(engine)
     trim = find_trim(plant, inputs={"throttle": throttle, "load_torque": load})
-    limits = Limits(*throttle_limits((None, None), lee1995_parameters(plant).throttle.saturation_angle))
+    limits = Limits(*throttle_limits(own_limits(file.controller), lee1995_parameters(plant).throttle.saturation_angle))
     with shell.busy("running the loop; the first run of all compiles it, which takes some seconds"):
         run = run_to_its_end(plant, operating_point(trim), gains, LoopTask(command=command, until=until), limits=limits)
     record, parts = dict(run_record(run)), list[Facts | Grid | str]([describe_outcome(run)])

@@ -1,47 +1,90 @@
 """The command loop: a closed speed loop in time, on an engine or on a linear model."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from revline.cli.controllers import TimingChoice
+from revline.cli.loop_runs import LoopOptions, LoopResult, run_files
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption
+from revline.cli.plants import EngineChoice
 from revline.cli.shell import Facts, Shell
 from revline.errors import InvalidInputError, out_of_range
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from revline.design.closed_loop import LoopTask
+    from revline.design.load_response import LoadStep
 
-    from revline.design.closed_loop import LoopRun, LoopTask
-    from revline.design.controller import PidGains
-
-WIDE_OPEN = 90.0
-"""Largest throttle angle [deg]."""
+FilesArgument = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="[MODEL.json] CONTROLLER.json", help="Controller file; before it a model file, to run that instead of an engine."
+    ),
+]
+TrimOption = Annotated[
+    float | None,
+    typer.Option("--throttle", metavar="DEG", help="Throttle angle of the trim that the loop starts from [deg]; a model needs none."),
+]
+StepOption = Annotated[float, typer.Option("--step", metavar="RAD_S", help="Step of the speed command at time 0 [rad/s].")]
+UntilOption = Annotated[float, typer.Option("--until", metavar="S", help="Stop time [s].")]
+TimeStepOption = Annotated[float, typer.Option("--time-step", metavar="S", help="Step of the simulation [s], shorter than every lag.")]
+LowOption = Annotated[
+    float | None, typer.Option("--low", metavar="DEG", help="Lower limit of the throttle [deg]; else the file's, else 0 for an engine.")
+]
+HighOption = Annotated[
+    float | None,
+    typer.Option(
+        "--high", metavar="DEG", help="Upper limit of the throttle [deg]; else the file's, else for an engine where it saturates."
+    ),
+]
+LoadStepOption = Annotated[
+    float | None, typer.Option("--load-step", metavar="N_M", help="Also step the load torque by so much [N m], on an engine.")
+]
+LoadAtOption = Annotated[
+    float | None, typer.Option("--load-at", metavar="S", help="When the load steps [s]; by default at a third of the stop time.")
+]
+PeriodOption = Annotated[
+    float | None, typer.Option("--period", metavar="S", help="Run the controller sampled, each so many seconds [s]; else as its file says.")
+]
+CrankAngleOption = Annotated[
+    float | None, typer.Option("--crank-angle", metavar="RAD", help="Run it sampled, each so many radians of the crank [rad].")
+]
+ComputationDelayOption = Annotated[
+    float, typer.Option("--computation-delay", metavar="S", help="Time from a sample to its output [s], with one of the two above.")
+]
+NoiseOption = Annotated[
+    float, typer.Option("--noise", metavar="RAD_S", help="Standard deviation of the measured speed's noise [rad/s], where it is sampled.")
+]
+JitterOption = Annotated[
+    float, typer.Option("--jitter", metavar="S", help="Standard deviation of each sample's shift [s; rad by the crank's angle].")
+]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of noise and jitter.")]
+SamplesOption = Annotated[
+    Path | None, typer.Option("--samples", metavar="FILE", help="CSV file of what the controller did at each of its samples.")
+]
 
 
 def loop(
     *,
-    files: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="[MODEL.json] CONTROLLER.json", help="Controller file; before it a model file, to run that instead of an engine."
-        ),
-    ],
-    throttle: Annotated[
-        float | None,
-        typer.Option("--throttle", metavar="DEG", help="Throttle angle of the trim that the loop starts from [deg]; a model needs none."),
-    ] = None,
+    files: FilesArgument,
+    throttle: TrimOption = None,
     load: LoadOption = 0.0,
-    step: Annotated[float, typer.Option("--step", metavar="RAD_S", help="Step of the speed command at time 0 [rad/s].")] = 60.0,
-    until: Annotated[float, typer.Option("--until", metavar="S", help="Stop time [s].")] = 20.0,
-    time_step: Annotated[
-        float, typer.Option("--time-step", metavar="S", help="Step of the simulation [s], shorter than every lag.")
-    ] = 1e-3,
-    low: Annotated[float | None, typer.Option("--low", metavar="DEG", help="Lower limit of the throttle [deg]; 0 for an engine.")] = None,
-    high: Annotated[
-        float | None,
-        typer.Option("--high", metavar="DEG", help="Upper limit of the throttle [deg]; for an engine where the throttle saturates."),
-    ] = None,
+    step: StepOption = 60.0,
+    until: UntilOption = 20.0,
+    time_step: TimeStepOption = 1e-3,
+    low: LowOption = None,
+    high: HighOption = None,
+    load_step: LoadStepOption = None,
+    load_at: LoadAtOption = None,
+    period: PeriodOption = None,
+    crank_angle: CrankAngleOption = None,
+    computation_delay: ComputationDelayOption = 0.0,
+    noise: NoiseOption = 0.0,
+    jitter: JitterOption = 0.0,
+    seed: SeedOption = 0,
+    samples: SamplesOption = None,
     engine: EngineOption = DEFAULT_ENGINE,
     out: OutOption = None,
     json: JsonOption = False,
@@ -49,107 +92,92 @@ def loop(
 ) -> None:
     """Close the speed loop with a controller, step its command, and tell how it ends: settled, hunting, diverged or stalled.
 
-    The throttle is trim + kp e + ki integral of e - kd dw/dt, within its limits; without anti-windup. A model runs without limits,
-    its delay exact; with --throttle it is placed at the engine's trim, else all values are deviations from it.
+    The controller runs as its file says, set-point weights, filter, limits, anti-windup and sampling included, or sampled by --period or
+    --crank-angle: revline loop controller.json --throttle 25 --period 0.005 --noise 0.3. A model runs with its delay exact; with
+    --throttle it is placed at the engine's trim, else all values are deviations from it. Where the linear loop at the trim is unstable, a
+    warning names its margin.
     """
-    from revline.design.closed_loop import LoopTask, describe_outcome
-    from revline.io.controller_files import read_controller
-    from revline.io.loop_records import format_loop, loop_warnings
+    from revline.design.closed_loop import describe_outcome
+    from revline.design.sampled_loop import Disturbance
+    from revline.io.loop_records import format_loop
+    from revline.io.sampled_loop_records import format_sampled_loop, format_samples
 
     shell = Shell(json=json, quiet=quiet)
-    shell.prepare(out, "closed-loop record")
-    _check_plant(files, throttle, limited=low is not None or high is not None, placed=load != 0.0 or engine != DEFAULT_ENGINE)
-    gains = read_controller(files[-1]).gains
-    task = LoopTask(command=step, until=until, step=time_step)
-    with shell.busy("running the loop; the first run of all compiles it, which takes some seconds"):
-        if throttle is None or len(files) == 2:
-            run, record = _run_model(files[0], gains, task, base=_place(engine, throttle, load))
-        else:
-            run, record = _run_engine(engine, gains, task, place=(throttle, load), limits=(low, high))
-    shell.warn(*loop_warnings(run))
-    shell.write(out, format_loop(run), "closed-loop record")
-    shell.show(record, Facts(f"{gains.rule} controller on {run.plant}", _facts(record)), describe_outcome(run), text_on=out)
-
-
-def _check_plant(files: list[Path], throttle: float | None, *, limited: bool, placed: bool) -> None:
-    """Refuse files and options that make no loop."""
-    if len(files) > 2:
-        message = f"{len(files)} files were given; give a controller file, or a model file and a controller file"
-        raise InvalidInputError(message)
-    if len(files) == 2 and limited:
-        message = "--low and --high limit an engine's throttle; a linear model runs without limits, leave them out"
-        raise InvalidInputError(message)
-    if len(files) == 2 and placed and throttle is None:
-        message = "--engine and --load place a linear model at an engine's trim; give --throttle too, or leave them out"
-        raise InvalidInputError(message)
-    if len(files) == 1 and throttle is None:
-        message = "a loop around an engine needs --throttle, the angle [deg] of the trim that it starts from"
-        raise InvalidInputError(message)
-
-
-def _run_engine(
-    engine: str, gains: "PidGains", task: "LoopTask", *, place: tuple[float, float], limits: tuple[float | None, float | None]
-) -> "tuple[LoopRun, Mapping[str, object]]":
-    from revline.analysis.trim import find_trim
-    from revline.design.closed_loop import Limits, operating_point, run_loop
-    from revline.engine.lee1995 import lee1995_parameters
-    from revline.io.engine_files import load_engine
-    from revline.io.loop_records import loop_record
-
-    plant = load_engine(engine)
-    trim = find_trim(plant, inputs={"throttle": place[0], "load_torque": place[1]})
-    bounds = Limits(*throttle_limits(limits, lee1995_parameters(plant).throttle.saturation_angle))
-    run = run_loop(plant, operating_point(trim), gains, task, limits=bounds)
-    return run, loop_record(run)
-
-
-def throttle_limits(wanted: tuple[float | None, float | None], saturation: float) -> tuple[float, float]:
-    """Limits asked for, else 0 and where the throttle saturates; refused where no throttle can reach them."""
-    low, high = (default if value is None else value for value, default in zip(wanted, (0.0, saturation), strict=True))
-    for name, value in (("--low", low), ("--high", high)):
-        if not 0.0 <= value <= WIDE_OPEN:
-            raise out_of_range(name, value, "deg", f"0 to {WIDE_OPEN:g} deg", "give an angle that the throttle can reach")
-    if not low < high:
-        message = f"--low = {low:g} deg is not below --high = {high:g} deg; give limits with room between them"
-        raise InvalidInputError(message, low=low, high=high)
-    return low, high
-
-
-def _run_model(path: Path, gains: "PidGains", task: "LoopTask", *, base: tuple[float, float]) -> "tuple[LoopRun, Mapping[str, object]]":
-    from revline.design.closed_loop import run_linear_loop
-    from revline.io.loop_records import linear_loop_record
-    from revline.io.model_files import read_model
-
-    file = read_model(path)
-    run = run_linear_loop(file.model, gains, task, name=file.name, base=base)
-    return run, linear_loop_record(run, file.model)
-
-
-def _place(engine: str, throttle: float | None, load: float) -> tuple[float, float]:
-    """Throttle and speed at the trim that a model is placed at; 0 without one."""
-    from revline.analysis.trim import find_trim
-    from revline.io.engine_files import load_engine
-
-    if throttle is None:
-        return 0.0, 0.0
-    trim = find_trim(load_engine(engine), inputs={"throttle": throttle, "load_torque": load})
-    return throttle, trim.output("engine_speed")
-
-
-def _facts(record: "Mapping[str, object]") -> list[tuple[str, float | str, str]]:
-    """What a record says of a closed loop, for people."""
-    names = (
-        ("start_rad_s", "speed before the step", "rad/s"),
-        ("target_rad_s", "speed commanded", "rad/s"),
-        ("overshoot", "overshoot", "of the command"),
-        ("settling_time_s", "settling time", "s"),
-        ("bandwidth_rad_s", "bandwidth", "rad/s"),
-        ("throttle_low_deg", "lowest throttle", "deg"),
-        ("throttle_high_deg", "highest throttle", "deg"),
+    shell.prepare_each((out, "closed-loop record"), (samples, "controller's samples"))
+    options = LoopOptions(
+        choice=EngineChoice(engine, throttle, load),
+        limits=(low, high),
+        timing=TimingChoice(period, crank_angle, computation_delay),
+        disturbance=Disturbance(noise=noise, jitter=jitter, seed=seed),
+        load=_load_step(load_step, load_at, until),
     )
+    with shell.busy("running the loop; the first run of all compiles it, which takes some seconds"):
+        result = run_files(files, _task((step, until, time_step), options.load), options)
+    found = result.sampled
+    if found is None and samples is not None:
+        message = "--samples writes what a sampled controller did, and this one is continuous; give --period or --crank-angle too"
+        raise InvalidInputError(message)
+    shell.warn(*result.warnings)
+    shell.write(out, format_loop(result.run) if found is None else format_sampled_loop(found), "closed-loop record")
+    if found is not None:
+        shell.write(samples, format_samples(found), "controller's samples")
+    title = f"{result.run.gains.rule} controller on {result.run.plant}"
+    shell.show(result.record, Facts(title, _facts(result)), describe_outcome(result.run), text_on=out)
+
+
+def _load_step(size: float | None, at: float | None, until: float) -> "LoadStep | None":
+    from revline.design.load_response import LoadStep
+
+    if size is None:
+        if at is not None:
+            message = "--load-at says when the load steps, and there is no step; give --load-step too"
+            raise InvalidInputError(message)
+        return None
+    when = until / 3.0 if at is None else at
+    if not when < until:
+        raise out_of_range("--load-at", when, "s", f"values below the stop time of {until:g} s", "step the load earlier")
+    return LoadStep(size=size, at=when)
+
+
+def _task(sizes: tuple[float, float, float], load: "LoadStep | None") -> "LoopTask":
+    from revline import signals
+    from revline.design.closed_loop import LoopTask
+
+    loads = () if load is None else (("load_torque", signals.step(load.size, start=load.at)),)
+    return LoopTask(command=sizes[0], until=sizes[1], step=sizes[2], loads=loads)
+
+
+FACTS = (
+    ("start_rad_s", "speed before the step", "rad/s"),
+    ("target_rad_s", "speed commanded", "rad/s"),
+    ("overshoot", "overshoot", "of the command"),
+    ("settling_time_s", "settling time", "s"),
+    ("bandwidth_rad_s", "bandwidth", "rad/s"),
+    ("throttle_low_deg", "lowest throttle", "deg"),
+    ("throttle_high_deg", "highest throttle", "deg"),
+    ("sampling_period_s", "sampled each", "s at rest"),
+    ("equivalent_delay_s", "equivalent delay", "s"),
+)
+"""Fields of a record that people are shown: name, words, unit."""
+
+FURTHER = (
+    ("windup", "largest_deg", "most wanted beyond a limit", "deg"),
+    ("load_step", "droop_rad_s", "droop after the load's step", "rad/s"),
+    ("load_step", "settling_time_s", "settling time after it", "s"),
+    ("disturbed", "deviation_rms_rad_s", "noise and jitter move the speed by", "rad/s rms"),
+    ("linear_loop", "gain_margin", "gain may rise by", "times, of the linear loop"),
+)
+"""The same of fields within a field."""
+
+
+def _facts(result: LoopResult) -> list[tuple[str, float | str, str]]:
+    """What a record says of a closed loop, for people."""
+    record = result.record
     rows: list[tuple[str, float | str, str]] = [("stable", "yes" if record["stable"] else "no", "")]
-    for key, text, unit in names:
-        value = record.get(key)
-        if isinstance(value, float):
+    rows += [(text, value, unit) for key, text, unit in FACTS if isinstance(value := record.get(key), float)]
+    for field, key, text, unit in FURTHER:
+        inner = record.get(field)
+        value = inner.get(key) if isinstance(inner, Mapping) else None
+        if isinstance(value, float) and value != 0.0:
             rows.append((text, value, unit))
     return rows

@@ -58,7 +58,8 @@ def margins(
 
     The loop is broken at the throttle. Margins of an unstable loop are no safety: the first line says which it is.
     Of a sampled response they hold within its band, with the interpolation's error: revline margins response.csv controller.json
-    Of a controller that samples they are those that its samples see, sampling and hold exact.
+    Of a controller that samples they are those that its samples see, sampling and hold exact; of one with a filter its filter is in
+    the loop. Set-point weights, limits, anti-windup, dead zone and resolution have no part in small signals.
     """
     from revline.design.margins import find_margins
     from revline.io.controller_files import read_controller
@@ -71,17 +72,16 @@ def margins(
     if hasattr(file.controller.sampling, "computation_delay"):
         _show_discrete(shell, files, file.controller, EngineChoice(engine, throttle, load), out)
         return
-    gains = file.feedback_gains
     options = (unstable_poles, delay, columns, amplitude)
     if len(files) == 2 and files[0].suffix.lower() == ".csv":
         refuse_engine(EngineChoice(engine, throttle, load))
-        _show_sampled(shell, files[0], gains, options, out)
+        _show_sampled(shell, files[0], file.feedback_gains, options, out)
         return
     if any(option is not None for option in options):
         message = "--unstable-poles, --delay, --columns and --amplitude are for a frequency response; give RESPONSE.csv, or leave them out"
         raise InvalidInputError(message)
-    found = find_margins(_open_loop(files, gains, EngineChoice(engine, throttle, load)))
-    record = margin_record(found, gains)
+    found = find_margins(_open_loop(files, file.controller, EngineChoice(engine, throttle, load)))
+    record = margin_record(found, file.controller)
     shell.write(out, format_json(record), "margins")
     shell.show(
         record,
@@ -112,7 +112,7 @@ def _show_discrete(shell: Shell, files: list[Path], controller: "PidController",
         speed = trim.output("engine_speed")
     found = find_discrete_margins(plant, controller, speed=speed)
     extra = {"sampling_period_s": found.period, "equivalent_delay_s": found.equivalent_delay, "left_out": found.left_out}
-    record = {**margin_record(found.margins, controller.gains), **extra}
+    record = {**margin_record(found.margins, controller), **extra}
     shell.write(out, format_json(record), "margins")
     facts = [
         *describe_margins(found.margins),
@@ -151,7 +151,7 @@ def _show_sampled(
     )
 
 
-def _open_loop(files: list[Path], gains: "PidGains", choice: EngineChoice) -> "OpenLoop":
+def _open_loop(files: list[Path], controller: "PidController", choice: EngineChoice) -> "OpenLoop":
     from revline.design.open_loop import open_loop_of_model, open_loop_of_system
     from revline.io.model_files import read_model
 
@@ -161,9 +161,9 @@ def _open_loop(files: list[Path], gains: "PidGains", choice: EngineChoice) -> "O
     if len(files) == 2:
         refuse_engine(choice)
         file = read_model(files[0])
-        return open_loop_of_model(file.model, gains, name=file.name)
+        return open_loop_of_model(file.model, controller, name=file.name)
     name, linear = linearise_engine(choice, WANTING)
-    return open_loop_of_system(linear, gains, name=name)
+    return open_loop_of_system(linear, controller, name=name)
 
 
 def _crossovers(record: Mapping[str, object]) -> list[tuple[float, str, str]]:

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from revline.cli.loop_command import throttle_limits
+from revline.cli.loop_runs import throttle_limits
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption, ThrottleOption
 from revline.cli.plots import PlotOption, check_plot, write_plot
 from revline.cli.shell import Facts, Grid, Shell

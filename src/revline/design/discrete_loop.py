@@ -4,9 +4,9 @@ With the period T, the hold and a computation delay d, the plant answers from sa
 
     G_d(z) = (1 - 1/z)/T sum over k of G(s_k) exp(-s_k d)/s_k,   z = exp(s T), s_k = s + 2 pi i k/T
 
-which is exact for any delay; the sum is cut off, and what is left out is told. The controller's terms are those of
-`revline.design.pid_update`. Nothing here is a Pade approximation; a continuous loop with T/2 + d more delay is what the
-equivalent delay stands for where one is used.
+which is exact for any delay; the sum is cut off, and what is left out is told. Of a transfer function it is known in closed form
+(`revline.design.held_model`). The controller's terms are those of `revline.design.pid_update`. Nothing here is a Pade approximation;
+a continuous loop with T/2 + d more delay is what the equivalent delay stands for where one is used.
 
 Source: Astrom and Wittenmark (1997), Computer-Controlled Systems, sections 7.2 and 7.7; of the count of roots: Nyquist (1932).
 """
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from revline.design.axis_grid import follow, highest, roots_between
 from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals
+from revline.design.held_model import Held, held_model
 from revline.design.margins import Margins, Peak, PhaseCrossover, gain_crossover, phase_sine
 from revline.design.pid_controller import Continuous, PidController
 from revline.errors import InvalidInputError, NotConvergedError, out_of_range
@@ -52,6 +53,7 @@ class SampledPlant:
         transfer: from what is driven to what is measured, on complex s of shape (n,), its delays exact.
         unstable_poles: of the plant itself.
         input_unit, output_unit: of what is driven and of what is measured.
+        held: the same from sample to sample in closed form, where there is one.
     """
 
     name: str
@@ -59,6 +61,7 @@ class SampledPlant:
     unstable_poles: int
     input_unit: str
     output_unit: str
+    held: Held | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -113,6 +116,7 @@ def sampled_plant_of_model(model: TransferFunction, *, name: str = "model") -> S
         unstable_poles=int(np.count_nonzero(model.poles.real > 0.0)),
         input_unit=model.input_unit,
         output_unit=model.output_unit,
+        held=held_model(model),
     )
 
 
@@ -143,7 +147,7 @@ def find_discrete_margins(plant: SampledPlant, controller: PidController, *, spe
     if controller.gains.kp == controller.gains.ki == controller.gains.kd == 0.0:
         message = f"all gains of {controller.gains.rule} are 0, so that there is no loop and no margin; give a gain"
         raise InvalidInputError(message)
-    loop = SampledLoop(plant.transfer, controller, period, computation)
+    loop = SampledLoop(plant.transfer, controller, period, computation, held=plant.held)
     half = math.pi / period
     start = np.concatenate([np.geomspace(LOWEST_SHARE * half, 0.1 * half, 120), np.linspace(0.1 * half, half * (1.0 - 1e-9), 120)[1:]])
     name = f"the sampled loop of {plant.name} under {controller.gains.rule}"
@@ -193,18 +197,23 @@ class SampledLoop:
         controller: its law and filter.
         period: between samples, in s.
         computation: delay of the output, in s.
+        held: the plant from sample to sample in closed form; without it the sum over aliases is taken.
 
     Raises:
         InvalidInputError: the sum over aliases does not settle at this period.
     """
 
-    def __init__(self, transfer: Transfer, controller: PidController, period: float, computation: float) -> None:
-        self._transfer, self._controller = transfer, controller
+    def __init__(
+        self, transfer: Transfer, controller: PidController, period: float, computation: float, *, held: Held | None = None
+    ) -> None:
+        self._transfer, self._controller, self._held = transfer, controller, held
         self._period, self._computation = period, computation
-        self._aliases, self.left_out = self._choose_aliases()
+        self._aliases, self.left_out = self._choose_aliases() if held is None else (0, 0.0)
 
     def __call__(self, omega: Floats) -> Complexes:
         """Evaluate the open loop."""
+        if self._held is not None:
+            return self._control(omega) * self._held(omega, self._period, self._computation)
         return self._control(omega) * self._plant(omega, self._aliases)
 
     def characteristic(self, omega: Floats) -> Complexes:

@@ -1,6 +1,7 @@
 """Closed-loop frequency measures of a linear plant with exact delay under a PID controller.
 
-T(s) = G (kp + ki/s) / (1 + G (kp + ki/s + kd s)) from command to output: the derivative acts on the measurement only.
+T(s) = G (kp + ki/s) / (1 + G (kp + ki/s + kd s)) from command to output: the derivative acts on the measurement only,
+unless a controller with a filter and set-point weights is given (`revline.design.loop_equation`).
 Places on the frequency axis are roots found with certainty (`revline.lti.axis_function`), never points of a grid.
 """
 
@@ -12,9 +13,9 @@ import numpy as np
 from numpy.polynomial import polynomial as poly
 from numpy.typing import ArrayLike
 
-from revline.design.controller import PidGains
-from revline.design.loop_equation import LoopEquation, form_loop
+from revline.design.loop_equation import LoopEquation, form_loop, law_polynomials
 from revline.design.loop_stability import HighFrequencyUnstableLoop, UnstableLoop, judge_loop_stability
+from revline.design.pid_controller import AnyPid, continuous_law
 from revline.errors import AnalysisError, InvalidInputError
 from revline.lti.axis_function import make_axis_function, sign_changes
 from revline.lti.response import FrequencyResponse, check_frequencies
@@ -49,20 +50,20 @@ class ClosedLoopMeasures:
         return 20.0 * math.log10(self.peak)
 
 
-def closed_loop_response(plant: TransferFunction, gains: PidGains, omega: ArrayLike) -> FrequencyResponse:
+def closed_loop_response(plant: TransferFunction, law: AnyPid, omega: ArrayLike) -> FrequencyResponse:
     """Evaluate the closed loop from command to output, for Bode plots.
 
     The values of an unstable loop are those of the formula; no experiment shows them. `judge_loop_stability` tells.
 
     Args:
         plant: strictly proper, with or without delay.
-        gains: of the controller, derivative on the measurement.
+        law: gains alone, derivative on the measurement, or a continuous controller.
         omega: frequencies in rad/s, strictly rising.
 
     Raises:
         InvalidInputError: plant and controller do not make a well-posed loop, or frequencies are unusable.
     """
-    loop, grid = form_loop(plant, gains), check_frequencies(omega)
+    loop, grid = form_loop(plant, law), check_frequencies(omega)
     return FrequencyResponse(
         omega=grid,
         values=loop.closed_loop(1j * grid),
@@ -75,12 +76,12 @@ def closed_loop_response(plant: TransferFunction, gains: PidGains, omega: ArrayL
     )
 
 
-def closed_loop_transfer(plant: TransferFunction, gains: PidGains) -> TransferFunction:
+def closed_loop_transfer(plant: TransferFunction, law: AnyPid) -> TransferFunction:
     """Give the closed loop from command to output as a transfer function, for its exact step response and poles.
 
     Args:
         plant: strictly proper, without delay.
-        gains: of the controller, derivative on the measurement.
+        law: gains alone, derivative on the measurement, or a continuous controller.
 
     Raises:
         InvalidInputError: the plant has a delay: the closed loop is then no rational function; or the loop is not well-posed.
@@ -88,7 +89,7 @@ def closed_loop_transfer(plant: TransferFunction, gains: PidGains) -> TransferFu
     if plant.delay != 0.0:
         message = f"a loop around a delay of {plant.delay:g} s is no rational transfer function; use closed_loop_response, or simulate it"
         raise InvalidInputError(message, delay=plant.delay)
-    loop = form_loop(plant, gains)
+    loop = form_loop(plant, law)
     return replace(
         plant,
         numerator=tuple(loop.command.tolist()),
@@ -98,48 +99,48 @@ def closed_loop_transfer(plant: TransferFunction, gains: PidGains) -> TransferFu
     )
 
 
-def closed_loop_transfer_to_control(plant: TransferFunction, gains: PidGains) -> TransferFunction:
+def closed_loop_transfer_to_control(plant: TransferFunction, law: AnyPid) -> TransferFunction:
     """Give the transfer function from command to what the controller drives, for the exact control after a step of the command.
 
     Args:
         plant: strictly proper, without delay.
-        gains: of the controller, derivative on the measurement.
+        law: gains alone, derivative on the measurement, or a continuous controller.
 
     Raises:
         InvalidInputError: as for `closed_loop_transfer`.
     """
-    closed = closed_loop_transfer(plant, gains)
-    law = (gains.ki, gains.kp) if gains.ki != 0.0 else (gains.kp,)
-    scale = form_loop(plant, gains).own[-1] / closed.denominator[-1]
+    closed = closed_loop_transfer(plant, law)
+    setpoint = law_polynomials(continuous_law(law)).setpoint
+    scale = form_loop(plant, law).own[-1] / closed.denominator[-1]
     return replace(
         closed,
-        numerator=tuple((np.convolve(plant.denominator, law) / scale).tolist()),
+        numerator=tuple((np.convolve(plant.denominator, setpoint) / scale).tolist()),
         output_name=plant.input_name,
         output_unit=plant.input_unit,
     )
 
 
-def find_bandwidth(plant: TransferFunction, gains: PidGains, *, level: float = HALF_POWER) -> RadiansPerSecond:
+def find_bandwidth(plant: TransferFunction, law: AnyPid, *, level: float = HALF_POWER) -> RadiansPerSecond:
     """Find the lowest frequency at which the closed loop's magnitude falls below a level.
 
     Args:
         plant: strictly proper, with or without delay.
-        gains: of the controller, derivative on the measurement.
+        law: gains alone, derivative on the measurement, or a continuous controller.
         level: magnitude, not decibels.
 
     Raises:
         InvalidInputError: plant and controller do not make a well-posed loop, or the level is not positive.
         AnalysisError: the loop is unstable, or its magnitude is below the level from zero frequency on.
     """
-    return _bandwidth(_stable_loop(plant, gains), level)
+    return _bandwidth(_stable_loop(plant, law), level)
 
 
-def measure_closed_loop(plant: TransferFunction, gains: PidGains, *, level: float = HALF_POWER) -> ClosedLoopMeasures:
+def measure_closed_loop(plant: TransferFunction, law: AnyPid, *, level: float = HALF_POWER) -> ClosedLoopMeasures:
     """Measure bandwidth and resonance of the closed loop from command to output.
 
     Args:
         plant: strictly proper, with or without delay.
-        gains: of the controller, derivative on the measurement.
+        law: gains alone, derivative on the measurement, or a continuous controller.
         level: magnitude at the edge of the band, not decibels.
 
     Raises:
@@ -147,12 +148,13 @@ def measure_closed_loop(plant: TransferFunction, gains: PidGains, *, level: floa
         AnalysisError: the loop is unstable, or its magnitude is below the level from zero frequency on.
 
     Example:
+        >>> from revline.design.controller import PidGains
         >>> plant = TransferFunction(numerator=(1.0,), denominator=(0.0, 1.0))
         >>> gains = PidGains(kp=3.0, ki=0.0, kd=0.0, input_unit="1", output_unit="1", rule="by hand", designed_on="integrator")
         >>> round(measure_closed_loop(plant, gains).bandwidth, 12)
         3.0
     """
-    loop = _stable_loop(plant, gains)
+    loop = _stable_loop(plant, law)
     bandwidth = _bandwidth(loop, level)
     peak_frequency = _peak_frequency(loop)
     return ClosedLoopMeasures(
@@ -164,13 +166,13 @@ def measure_closed_loop(plant: TransferFunction, gains: PidGains, *, level: floa
     )
 
 
-def _stable_loop(plant: TransferFunction, gains: PidGains) -> LoopEquation:
-    verdict = judge_loop_stability(plant, gains)
+def _stable_loop(plant: TransferFunction, law: AnyPid) -> LoopEquation:
+    verdict = judge_loop_stability(plant, law)
     if isinstance(verdict, UnstableLoop | HighFrequencyUnstableLoop):
         count = str(verdict.unstable_poles) if isinstance(verdict, UnstableLoop) else "infinitely many"
         message = f"the closed loop is unstable ({count} poles right of the imaginary axis) and has no band; lower the gains"
         raise AnalysisError(message, unstable_poles=count)
-    return form_loop(plant, gains)
+    return form_loop(plant, law)
 
 
 def _bandwidth(loop: LoopEquation, level: float) -> float:

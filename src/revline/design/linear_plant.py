@@ -85,26 +85,15 @@ def linear_plant(model: TransferFunction, *, base_input: float = 0.0, base_outpu
     Raises:
         InvalidInputError: the model has no delay, is not strictly proper, or has too many poles.
     """
-    order = len(model.denominator) - 1
     if model.delay <= 0.0:
         message = f"a model with delay = {model.delay:g} s has no delay to simulate; its closed loop is rational: use its exact response"
         raise InvalidInputError(message, delay=model.delay)
-    if len(model.numerator) > order:
-        message = f"the model has {len(model.numerator) - 1} zeros and {order} poles; a plant needs more poles than zeros: add a lag"
-        raise InvalidInputError(message)
-    if order > MOST_POLES:
-        message = f"the model has {order} poles, more than the {MOST_POLES} that can be simulated; fit one of lower order"
-        raise InvalidInputError(message, poles=order)
-    scale = model.denominator[-1]
-    falling = [c / scale for c in reversed(model.denominator[:-1])]
-    zeros = [0.0] * (order - len(model.numerator)) + [c / scale for c in reversed(model.numerator)]
-    pad = (0.0,) * (MOST_POLES - order)
     unit = model.output_unit
     rates_unit = rate_unit(Variable(name="output", unit=unit))
     return DelaySystem(
         name="linear_plant",
-        parameters=LinearPlant((*falling, *pad), (*zeros, *pad), model.delay, base_input, base_output),
-        states=tuple(Variable(name=f"x{k}", unit="1", description=f"state {k} of the observer form") for k in range(MOST_POLES)),
+        parameters=_observer_form(model, base_input, base_output),
+        states=_states(),
         inputs=(Variable(name="input", unit=model.input_unit, description="input of the model", nominal=base_input),),
         channels=(
             Variable(name="output", unit=unit, description="output before the delay"),
@@ -121,11 +110,69 @@ def linear_plant(model: TransferFunction, *, base_input: float = 0.0, base_outpu
     )
 
 
+@equation
+def _nothing(p: LinearPlant, x: Vector, u: Vector, zd: Vector) -> Vector:  # noqa: ARG001 - the form of all equations
+    """Nothing is delayed."""
+    return ()
+
+
+@equation
+def _prompt_output(p: LinearPlant, x: Vector, u: Vector, zd: Vector) -> Vector:  # noqa: ARG001 - the form of all equations
+    """The output, undelayed."""
+    return (p.base_output + x[0],)
+
+
+def held_plant(model: TransferFunction, *, base_input: float = 0.0, base_output: float = 0.0) -> DelaySystem:
+    """Build a transfer function as a system for an input that is held between samples, with its delay or without one.
+
+    Args:
+        model: strictly proper, with at most eight poles.
+        base_input: input at the trim, in the model's input unit.
+        base_output: output at the trim, in the model's output unit.
+
+    Raises:
+        InvalidInputError: the model is not strictly proper, or has too many poles.
+    """
+    if model.delay > 0.0:
+        return linear_plant(model, base_input=base_input, base_output=base_output)
+    return DelaySystem(
+        name="linear_plant",
+        parameters=_observer_form(model, base_input, base_output),
+        states=_states(),
+        inputs=(Variable(name="input", unit=model.input_unit, description="input of the model", nominal=base_input),),
+        channels=(),
+        outputs=(Variable(name="output", unit=model.output_unit, description="output"),),
+        emit=_nothing,
+        lags=_nothing,
+        rate=rate,
+        output=_prompt_output,
+    )
+
+
+def _states() -> tuple[Variable, ...]:
+    return tuple(Variable(name=f"x{k}", unit="1", description=f"state {k} of the observer form") for k in range(MOST_POLES))
+
+
+def _observer_form(model: TransferFunction, base_input: float, base_output: float) -> LinearPlant:
+    order = len(model.denominator) - 1
+    if len(model.numerator) > order:
+        message = f"the model has {len(model.numerator) - 1} zeros and {order} poles; a plant needs more poles than zeros: add a lag"
+        raise InvalidInputError(message)
+    if order > MOST_POLES:
+        message = f"the model has {order} poles, more than the {MOST_POLES} that can be simulated; fit one of lower order"
+        raise InvalidInputError(message, poles=order)
+    scale = model.denominator[-1]
+    falling = [c / scale for c in reversed(model.denominator[:-1])]
+    zeros = [0.0] * (order - len(model.numerator)) + [c / scale for c in reversed(model.numerator)]
+    pad = (0.0,) * (MOST_POLES - order)
+    return LinearPlant((*falling, *pad), (*zeros, *pad), model.delay, base_input, base_output)
+
+
 def step_limit(model: TransferFunction) -> float:
     """Longest step that a simulation of the model's poles and delay stands, with a margin of ten, in seconds.
 
     Args:
-        model: with a delay above zero.
+        model: with or without delay.
     """
     fastest = float(np.max(np.abs(model.poles), initial=0.0))
-    return min(0.25 / fastest if fastest > 0.0 else math.inf, model.delay / 4.0)
+    return min(0.25 / fastest if fastest > 0.0 else math.inf, model.delay / 4.0 if model.delay > 0.0 else math.inf)

@@ -5,15 +5,18 @@ Plant N(s)/D(s) exp(-s tau) under kp + ki/s (from the command) and kp + ki/s + k
     T(s) = command(s) exp(-s tau) / (own(s) + fed(s) exp(-s tau))
 
 with own = s D, fed = N (kp s + ki + kd s^2), command = N (kp s + ki), all divided by s where ki is 0. Without delay, fed joins own.
+A filter of the derivative multiplies all but kd s^2 by Tf s + 1; set-point weights b and c make N ((b kp s + ki)(Tf s + 1) + c kd s^2) of
+command.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import polynomial as poly
 from numpy.typing import ArrayLike, NDArray
 
-from revline.design.controller import PidGains
+from revline.design.pid_controller import AnyPid, PidController, continuous_law
 from revline.errors import InvalidInputError
 from revline.lti.axis_function import AxisFunction, make_axis_function
 from revline.lti.polynomial import polynomial_values
@@ -95,13 +98,44 @@ class LoopEquation:
         return high
 
 
-def form_loop(plant: TransferFunction, gains: PidGains) -> LoopEquation:
+class LawPolynomials(NamedTuple):
+    """A linear law as polynomials, ascending: setpoint/below from the command, feedback/below from the measurement, sign reversed."""
+
+    below: Floats
+    setpoint: Floats
+    feedback: Floats
+
+
+def law_polynomials(controller: PidController) -> LawPolynomials:
+    """Write the law of a continuous controller as polynomials, s cancelled where there is no integral action.
+
+    Args:
+        controller: limits and the like have no part in it.
+    """
+    gains, b, c = controller.gains, controller.setpoint_weight, controller.derivative_weight
+    integral = [] if gains.ki == 0.0 else [gains.ki]
+    below, top = np.array([0.0] * len(integral) + [1.0]), len(integral) + 1
+    setpoint, feedback = np.array([*integral, b * gains.kp]), np.array([*integral, gains.kp])
+    if controller.filter_time == 0.0:
+        return LawPolynomials(below, setpoint, np.append(feedback, gains.kd))
+    lag, rated = np.array([1.0, controller.filter_time]), np.zeros(top + 1)
+    rated[top] = gains.kd
+    return LawPolynomials(np.convolve(below, lag), np.convolve(setpoint, lag) + c * rated, np.convolve(feedback, lag) + rated)
+
+
+def form_loop(plant: TransferFunction, law: AnyPid) -> LoopEquation:
     """Close the loop around a plant.
 
+    Args:
+        plant: strictly proper, with or without delay.
+        law: gains alone, or a continuous controller.
+
     Raises:
-        InvalidInputError: the units of plant and controller do not meet, the plant is not strictly proper, or the closed loop is
-            not well-posed because derivative action cancels the plant's highest derivative.
+        InvalidInputError: the units of plant and controller do not meet, the plant is not strictly proper, the closed loop is not
+            well-posed because derivative action cancels the plant's highest derivative, or the controller samples.
     """
+    controller = continuous_law(law)
+    gains = controller.gains
     if (plant.input_unit, plant.output_unit) != (gains.output_unit, gains.input_unit):
         message = (
             f"the plant goes from {plant.input_unit} to {plant.output_unit}, the controller from {gains.input_unit} to "
@@ -114,9 +148,9 @@ def form_loop(plant: TransferFunction, gains: PidGains) -> LoopEquation:
             "derivative has no limit at high frequency; add the lag that every real plant has"
         )
         raise InvalidInputError(message)
-    setpoint = [gains.kp] if gains.ki == 0.0 else [gains.ki, gains.kp]
-    own = np.array([0.0] * (len(setpoint) - 1) + list(plant.denominator))
-    fed = _padded(np.convolve(plant.numerator, [*setpoint, gains.kd]), own.size)
+    below, setpoint, feedback = law_polynomials(controller)
+    own = np.convolve(below, plant.denominator)
+    fed = _padded(np.convolve(plant.numerator, feedback), own.size)
     command = _padded(np.convolve(plant.numerator, setpoint), own.size)
     gain = float(abs(fed[-1] / own[-1]))
     if plant.delay == 0.0:

@@ -4,6 +4,7 @@ A run that meets a lag shorter than its step is made again with a smaller one; w
 """
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -59,7 +60,9 @@ class Mesh(NamedTuple):
     pieces: int = 1
 
 
-def simulate_loop(loop: DelaySystem, start: Start, command: float, mesh: Mesh, *, measured: int) -> LoopRecord:
+def simulate_loop(
+    loop: DelaySystem, start: Start, command: float, mesh: Mesh, *, measured: int, loads: Sequence[tuple[str, signals.Signal]] = ()
+) -> LoopRecord:
     """Simulate a loop whose last input is the command, after a step of it at time 0.
 
     Args:
@@ -68,6 +71,7 @@ def simulate_loop(loop: DelaySystem, start: Start, command: float, mesh: Mesh, *
         command: size of the step.
         mesh: how long and how finely.
         measured: position of the measurement among the outputs.
+        loads: signals of further inputs, by name.
 
     Raises:
         InvalidInputError: the step is not below the smallest lag at the start, or there would be too many of them.
@@ -75,7 +79,7 @@ def simulate_loop(loop: DelaySystem, start: Start, command: float, mesh: Mesh, *
         SimulationError: the loop fails within its first step, so that there is no record.
     """
     check_steps(mesh)
-    drive = {loop.inputs[-1].name: signals.step(command)}
+    drive = {**dict(loads), loop.inputs[-1].name: signals.step(command)}
     record, failure = _simulate_as_far_as_it_goes(loop, start, drive, mesh)
     trace = LoopTrace(
         times=record.times,

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from revline.design.controller import PidGains
 from revline.design.loop_equation import LoopEquation, form_loop
+from revline.design.pid_controller import AnyPid, continuous_law
 from revline.errors import AnalysisError
 from revline.lti.axis_function import argument_change
 from revline.lti.transfer_function import TransferFunction
@@ -58,12 +58,12 @@ class HighFrequencyUnstableLoop:
 LoopStability = StableLoop | UnstableLoop | HighFrequencyUnstableLoop
 
 
-def judge_loop_stability(plant: TransferFunction, gains: PidGains) -> LoopStability:
+def judge_loop_stability(plant: TransferFunction, law: AnyPid) -> LoopStability:
     """Judge whether the loop of a linear plant and a controller is stable, the delay exact.
 
     Args:
         plant: strictly proper, with or without delay.
-        gains: of the controller, derivative on the measurement.
+        law: gains alone, derivative on the measurement, or a continuous controller.
 
     Raises:
         InvalidInputError: plant and controller do not make a well-posed loop.
@@ -75,12 +75,13 @@ def judge_loop_stability(plant: TransferFunction, gains: PidGains) -> LoopStabil
         Differential-Difference Equations, chapter 12.
 
     Example:
+        >>> from revline.design.controller import PidGains
         >>> plant = TransferFunction(numerator=(1.0,), denominator=(0.0, 1.0), delay=1.0)
         >>> gains = PidGains(kp=1.5, ki=0.0, kd=0.0, input_unit="1", output_unit="1", rule="by hand", designed_on="integrator")
         >>> judge_loop_stability(plant, gains).stable, judge_loop_stability(plant, gains.scaled(kp=1.1)).stable
         (True, False)
     """
-    loop = form_loop(plant, gains)
+    loop = form_loop(plant, law)
     if loop.delay > 0.0 and loop.high_frequency_gain >= 1.0:
         return HighFrequencyUnstableLoop(high_frequency_gain=loop.high_frequency_gain)
     count = _count(loop)
@@ -89,23 +90,23 @@ def judge_loop_stability(plant: TransferFunction, gains: PidGains) -> LoopStabil
     return UnstableLoop(unstable_poles=count, high_frequency_gain=loop.high_frequency_gain)
 
 
-def count_unstable_poles(plant: TransferFunction, gains: PidGains) -> int:
+def count_unstable_poles(plant: TransferFunction, law: AnyPid) -> int:
     """Count the closed-loop poles right of the imaginary axis, each as often as it is multiple.
 
     Args:
         plant: strictly proper, with or without delay.
-        gains: of the controller, derivative on the measurement.
+        law: gains alone, derivative on the measurement, or a continuous controller.
 
     Raises:
         InvalidInputError: plant and controller do not make a well-posed loop.
         NotConvergedError: a closed-loop pole lies on the imaginary axis, or too near to tell.
         AnalysisError: there are infinitely many.
     """
-    verdict = judge_loop_stability(plant, gains)
+    verdict = judge_loop_stability(plant, law)
     if isinstance(verdict, HighFrequencyUnstableLoop):
         message = (
-            f"infinitely many poles are unstable: kd = {gains.kd:g} leaves a loop gain of {verdict.high_frequency_gain:g} at infinite "
-            f"frequency (limit 1), behind a delay of {plant.delay:g} s; lower kd"
+            f"infinitely many poles are unstable: kd = {continuous_law(law).gains.kd:g} leaves a loop gain of "
+            f"{verdict.high_frequency_gain:g} at infinite frequency (limit 1), behind a delay of {plant.delay:g} s; lower kd"
         )
         raise AnalysisError(message, high_frequency_gain=verdict.high_frequency_gain)
     return verdict.unstable_poles if isinstance(verdict, UnstableLoop) else 0

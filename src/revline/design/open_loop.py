@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals
-from revline.design.controller import PidGains
 from revline.design.loop_stability import HighFrequencyUnstableLoop, LoopStability, UnstableLoop, judge_loop_stability
+from revline.design.pid_controller import AnyPid, PidController, continuous_law
 from revline.errors import AnalysisError, InvalidInputError
 from revline.lti.interconnection import feed_back
 from revline.lti.roots import characteristic_roots
@@ -45,20 +45,21 @@ class OpenLoop:
         return self.unstable_poles == 0
 
 
-def open_loop_of_model(plant: TransferFunction, gains: PidGains, *, name: str = "model") -> OpenLoop:
+def open_loop_of_model(plant: TransferFunction, law: AnyPid, *, name: str = "model") -> OpenLoop:
     """Break the loop of a transfer function with delay and a controller.
 
     Raises:
-        InvalidInputError: plant and controller do not make a well-posed loop.
+        InvalidInputError: plant and controller do not make a well-posed loop, or the controller samples.
         NotConvergedError: a closed-loop pole lies on the imaginary axis, or too near to tell.
     """
-    unstable = _count(judge_loop_stability(plant, gains))
+    controller = continuous_law(law)
+    unstable = _count(judge_loop_stability(plant, law))
 
     def transfer(s: ArrayLike) -> Complexes:
         points = np.asarray(s, dtype=complex)
-        return np.asarray(plant(points) * (gains.setpoint_transfer(points) + gains.kd * points))
+        return np.asarray(plant(points) * controller.feedback_transfer(points))
 
-    return OpenLoop(name=f"{name} under {gains.rule}", transfer=transfer, delay=plant.delay, unstable_poles=unstable)
+    return OpenLoop(name=f"{name} under {controller.gains.rule}", transfer=transfer, delay=plant.delay, unstable_poles=unstable)
 
 
 def _count(verdict: LoopStability) -> float:
@@ -67,38 +68,41 @@ def _count(verdict: LoopStability) -> float:
     return float(verdict.unstable_poles) if isinstance(verdict, UnstableLoop) else 0.0
 
 
-def open_loop_of_system(
-    plant: DelayStateSpace, gains: PidGains, *, wires: LoopSignals = SPEED_BY_THROTTLE, name: str = "system"
-) -> OpenLoop:
-    """Break the loop of an exact linear model and a controller whose derivative is taken from the plant's own rate output.
+def open_loop_of_system(plant: DelayStateSpace, law: AnyPid, *, wires: LoopSignals = SPEED_BY_THROTTLE, name: str = "system") -> OpenLoop:
+    """Break the loop of an exact linear model and a controller.
+
+    An ideal derivative is taken from the plant's own rate output, a filtered one from the measurement.
 
     Args:
         plant: from `linearize`, for example.
-        gains: of the controller.
+        law: gains alone, or a continuous controller.
         wires: which signals close the loop.
         name: for people.
 
     Raises:
-        InvalidInputError: the plant has no such signals, or the loop is algebraic and has no solution.
+        InvalidInputError: the plant has no such signals, the controller samples, or the loop is algebraic and has no solution.
         AnalysisError: channels feed one another so that roots to the right may be without number.
         NotConvergedError: the roots of the closed loop could not be counted.
     """
+    controller = continuous_law(law)
+    gains = controller.gains
     drive, measured = position(plant.inputs, wires.drive), position(plant.outputs, wires.measurement)
     needed = [measured]
-    if gains.kd != 0.0:
+    if gains.kd != 0.0 and controller.filter_time == 0.0:
         needed.append(position(plant.outputs, wires.measurement_rate))
     for signal, unit in ((plant.inputs[drive], gains.output_unit), (plant.outputs[measured], gains.input_unit)):
         if signal.unit != unit:
             message = f"{signal.name} is in {signal.unit} and the controller's gains are for {unit}; convert the gains"
             raise InvalidInputError(message, signal=signal.name, unit=unit)
-    weights = (gains.setpoint_transfer, lambda s: gains.kd * np.ones_like(s))
+    of_measurement = gains.setpoint_transfer if len(needed) == 2 else controller.feedback_transfer
+    weights = (of_measurement, lambda s: gains.kd * np.ones_like(s))
 
     def transfer(s: ArrayLike) -> Complexes:
         points = np.asarray(s, dtype=complex)
         values = plant.transfer(points)[..., needed, drive]
         return np.asarray(sum(values[..., k] * weights[k](points) for k in range(len(needed))))
 
-    closed = characteristic_roots(_close(plant, gains, drive, needed))
+    closed = characteristic_roots(_close(plant, controller, drive, needed))
     return OpenLoop(
         name=f"{name} under {gains.rule}",
         transfer=transfer,
@@ -107,26 +111,34 @@ def open_loop_of_system(
     )
 
 
-def _close(plant: DelayStateSpace, gains: PidGains, drive: int, needed: list[int]) -> DelayStateSpace:
-    """Close the loop, the integral of the measurement as a state more where it is fed back."""
-    system = plant if gains.ki == 0.0 else _with_integral(plant, needed[0])
-    feedback = np.zeros((len(system.inputs), len(system.outputs)))
-    for weight, row in zip((gains.kp, gains.kd), needed, strict=False):
-        feedback[drive, row] = -weight
+def _close(plant: DelayStateSpace, controller: PidController, drive: int, needed: list[int]) -> DelayStateSpace:
+    """Close the loop, the controller's integral and filter as states more where they feed back."""
+    gains, system, gain = controller.gains, plant, controller.gains.kp
+    fed: list[tuple[int, float]] = [(row, gains.kd) for row in needed[1:]]
+    if controller.filter_time > 0.0 and gains.kd != 0.0:  # kd s/(Tf s + 1) y = kd/Tf (y - x), Tf dx/dt = y - x
+        share = 1.0 / controller.filter_time
+        system = _with_state(system, needed[0], rate=share, decay=share, name="filtered")
+        gain += gains.kd * share
+        fed.append((len(system.outputs) - 1, -gains.kd * share))
     if gains.ki != 0.0:
-        feedback[drive, -1] = -gains.ki
+        system = _with_state(system, needed[0], rate=1.0, decay=0.0, name="integral_of")
+        fed.append((len(system.outputs) - 1, gains.ki))
+    feedback = np.zeros((len(system.inputs), len(system.outputs)))
+    feedback[drive, needed[0]] = -gain
+    for row, weight in fed:
+        feedback[drive, row] = -weight
     return feed_back(system, feedback)
 
 
-def _with_integral(plant: DelayStateSpace, row: int) -> DelayStateSpace:
-    """Add the integral of an output as a state and as the last output."""
+def _with_state(plant: DelayStateSpace, row: int, *, rate: float, decay: float, name: str) -> DelayStateSpace:
+    """Add a state x with dx/dt = rate y - decay x, y being an output, and x as the last output."""
     n, m = len(plant.states), len(plant.channels)
     unit = plant.outputs[row].unit
-    integral = Signal(f"integral_of_{plant.outputs[row].name}", f"{unit} s")
+    added = Signal(f"{name}_{plant.outputs[row].name}", unit if decay else f"{unit} s")
     return DelayStateSpace(
-        A=np.block([[plant.A, np.zeros((n, 1))], [plant.Cy[[row]], np.zeros((1, 1))]]),
-        Bu=np.concatenate((plant.Bu, plant.Dyu[[row]])),
-        Bz=np.concatenate((plant.Bz, plant.Dyz[[row]])),
+        A=np.block([[plant.A, np.zeros((n, 1))], [rate * plant.Cy[[row]], np.full((1, 1), -decay)]]),
+        Bu=np.concatenate((plant.Bu, rate * plant.Dyu[[row]])),
+        Bz=np.concatenate((plant.Bz, rate * plant.Dyz[[row]])),
         Cy=np.block([[plant.Cy, np.zeros((len(plant.outputs), 1))], [np.zeros((1, n)), np.ones((1, 1))]]),
         Dyu=np.concatenate((plant.Dyu, np.zeros((1, len(plant.inputs))))),
         Dyz=np.concatenate((plant.Dyz, np.zeros((1, m)))),
@@ -134,9 +146,9 @@ def _with_integral(plant: DelayStateSpace, row: int) -> DelayStateSpace:
         Dzu=plant.Dzu,
         Dzz=plant.Dzz,
         lags=plant.lags,
-        states=(*plant.states, integral),
+        states=(*plant.states, added),
         inputs=plant.inputs,
-        outputs=(*plant.outputs, integral),
+        outputs=(*plant.outputs, added),
         channels=plant.channels,
     )
 

@@ -14,6 +14,9 @@ import math
 from dataclasses import dataclass, field
 from enum import Enum
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 from revline.design.controller import PidGains
 from revline.errors import InvalidInputError, out_of_range
 from revline.sampled import CrankSynchronous, FixedRate
@@ -36,6 +39,7 @@ class Continuous:
 
 
 Timing = Continuous | FixedRate | CrankSynchronous
+Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -139,3 +143,43 @@ class PidController:
             (not isinstance(self.sampling, Continuous), "sampling"),
         )
         return tuple(text for there, text in found if there)
+
+    def feedback_transfer(self, s: ArrayLike) -> Complexes:
+        """Evaluate kp + ki/s + kd s/(Tf s + 1), the continuous law from measurement to output with its sign reversed.
+
+        Args:
+            s: Laplace variable [rad/s], of any shape.
+
+        Raises:
+            InvalidInputError: an s is 0, where integral action is infinite.
+        """
+        points = np.asarray(s, dtype=np.complex128)
+        if self.filter_time == 0.0:
+            return self.gains.feedback_transfer(points)
+        return np.asarray(self.gains.setpoint_transfer(points) + self.gains.kd * points / (self.filter_time * points + 1.0))
+
+
+AnyPid = PidGains | PidController
+"""What stands for a linear law: gains alone, or a controller with weights and a filter."""
+
+
+def continuous_law(law: AnyPid) -> PidController:
+    """Take gains alone, or a controller, as the continuous controller that a linear analysis means.
+
+    Limits, anti-windup, dead zone and quantisation stay where they are: they have no part in small signals.
+
+    Raises:
+        InvalidInputError: the controller samples, or weighs the command in an ideal derivative.
+    """
+    if isinstance(law, PidGains):
+        return PidController(gains=law, anti_windup=AntiWindup.NONE)
+    if not isinstance(law.sampling, Continuous):
+        message = "the controller samples, and its samples would be dropped here; use find_discrete_margins() or run_sampled_step()"
+        raise InvalidInputError(message)
+    if law.derivative_weight * law.gains.kd != 0.0 and law.filter_time == 0.0:
+        message = (
+            f"derivative weight = {law.derivative_weight:g} without a filter makes an impulse of each step of the command; "
+            "give a filter_time_s, or weight 0"
+        )
+        raise InvalidInputError(message, derivative_weight=law.derivative_weight)
+    return law

@@ -72,33 +72,41 @@ def pid_system(gains: PidGains, *, bias: float, low: float = -math.inf, high: fl
     if not (math.isfinite(bias) and low <= bias <= high):
         message = f"the output at the trim, {bias:g} {gains.output_unit}, lies outside the limits {low:g} to {high:g} {gains.output_unit}"
         raise InvalidInputError(message, bias=bias, low=low, high=high)
-    unit, drive = gains.input_unit, gains.output_unit
-    measurement = Variable(name="measurement", unit=unit, description="measured value")
     return DelaySystem(
         name="pid",
         parameters=PidParameters(gains.kp, gains.ki, gains.kd, bias, low, high),
-        states=(
-            Variable(
-                name="error_integral",
-                unit=unit.removesuffix("/s") if unit.endswith("/s") else f"{unit} s",
-                description="integral of the error",
-            ),
-        ),
-        inputs=(
-            Variable(name="command", unit=unit, description="wanted value"),
-            measurement,
-            Variable(name="measurement_rate", unit=rate_unit(measurement), description="its rate of change"),
-        ),
+        states=(Variable(name="error_integral", unit=_integral_unit(gains.input_unit), description="integral of the error"),),
+        inputs=controller_inputs(gains),
         channels=(),
-        outputs=(
-            Variable(name="control", unit=drive, description="output after its limits"),
-            Variable(name="control_wanted", unit=drive, description="output before its limits"),
-            Variable(name="proportional", unit=drive, description="proportional term"),
-            Variable(name="integral", unit=drive, description="integral term"),
-            Variable(name="derivative", unit=drive, description="derivative term"),
-        ),
+        outputs=controller_outputs(gains),
         emit=emit,
         lags=emit,
         rate=rate,
         output=output,
+    )
+
+
+def _integral_unit(unit: str) -> str:
+    return unit.removesuffix("/s") if unit.endswith("/s") else f"{unit} s"
+
+
+def controller_inputs(gains: PidGains) -> tuple[Variable, ...]:
+    """What a continuous controller reads, in the units of its gains."""
+    measurement = Variable(name="measurement", unit=gains.input_unit, description="measured value")
+    return (
+        Variable(name="command", unit=gains.input_unit, description="wanted value"),
+        measurement,
+        Variable(name="measurement_rate", unit=rate_unit(measurement), description="its rate of change"),
+    )
+
+
+def controller_outputs(gains: PidGains) -> tuple[Variable, ...]:
+    """What a continuous controller gives, in the units of its gains: what drives, then what it is made of."""
+    drive = gains.output_unit
+    return (
+        Variable(name="control", unit=drive, description="output after its limits"),
+        Variable(name="control_wanted", unit=drive, description="output before its limits"),
+        Variable(name="proportional", unit=drive, description="proportional term"),
+        Variable(name="integral", unit=drive, description="integral term"),
+        Variable(name="derivative", unit=drive, description="derivative term"),
     )

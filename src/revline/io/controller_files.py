@@ -67,7 +67,7 @@ class ControllerFile:
         if extras:
             message = (
                 f"{self.where}: the controller has {', '.join(extras)}, which would be dropped here: this knows the law {LAW} alone; "
-                "leave those keys out, or use what runs a controller as it is: `accept` and `export`"
+                "leave those keys out, or use what takes a controller as it is: `loop`, `margins`, `accept` and `export`"
             )
             raise InvalidInputError(message)
         return controller.gains

@@ -1,28 +1,39 @@
 """Runs of closed speed loops as records for JSON, and their samples as CSV."""
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from revline.design.closed_loop import LoopRun, describe_outcome
 from revline.design.linear_loop import find_bandwidth
+from revline.design.linear_verdict import LinearVerdict
+from revline.design.load_response import LoadResponse, LoadStep, measure_load_response
 from revline.design.loop_stability import StableLoop, judge_loop_stability
 from revline.design.outcome import Diverged, LimitCycle, Settled, Stalled
+from revline.design.pid_controller import AnyPid
 from revline.errors import AnalysisError, NotSettledError
 from revline.io.csv_text import format_csv
 from revline.lti.transfer_function import TransferFunction
 
+Floats = NDArray[np.float64]
+
 OFF_TARGET = 0.02
 """Share of the command beyond which a speed at rest counts as off its target: the usual settling band."""
 
+TERMS = ("proportional", "integral", "derivative")
+"""Names of the controller's terms, in their order."""
 
-def loop_record(run: LoopRun) -> Mapping[str, object]:
+
+def loop_record(run: LoopRun, load: LoadStep | None = None) -> Mapping[str, object]:
     """Give a closed loop around an engine or a model of one, after a step of its speed command, as a record.
 
     What does not exist is left out: an overshoot of what diverges or stalls, a settling time of what does not settle.
 
     Args:
         run: the closed loop.
+        load: a step of the load in it: what is measured of the command's step is then that before it.
     """
     gains = run.gains
     record: dict[str, object] = {
@@ -45,7 +56,49 @@ def loop_record(run: LoopRun) -> Mapping[str, object]:
         record["saturated_share"] = run.saturated_share
     if run.step > 0.0:
         record["time_step_s"] = run.step
-    return {**record, **_outcome_entries(run)}
+    if len(run.terms):
+        record |= term_fields(run.terms, run.windup)
+    before = run if load is None else run.first_part(load.at)
+    return {**record, **_outcome_entries(run, before), **_load_entries(run, load)}
+
+
+def term_fields(terms: Floats, windup: Floats) -> Mapping[str, object]:
+    """Give the range and the end of a controller's terms, and of what it wants beyond its limits, as fields of a record.
+
+    Args:
+        terms: proportional, integral and derivative term, shape (n, 3).
+        windup: what is wanted beyond the limits, with its sign, shape (n,).
+    """
+    ranges = {
+        name: {"low_deg": float(column.min()), "high_deg": float(column.max()), "end_deg": float(column[-1])}
+        for name, column in zip(TERMS, terms.T, strict=True)
+    }
+    largest = float(windup[int(np.argmax(np.abs(windup)))])
+    state = {"largest_deg": largest, "end_deg": float(windup[-1]), "share": float(np.mean(windup != 0.0))}
+    return {"terms": ranges, "windup": state}
+
+
+def verdict_fields(verdict: LinearVerdict) -> Mapping[str, object]:
+    """Give what the linear loop about the operating point says as a field of a record; what does not exist is left out.
+
+    The margins of an unstable loop are left out: they are no safety.
+
+    Args:
+        verdict: of the linear loop.
+    """
+    found: dict[str, object] = {"stable": verdict.stable}
+    if math.isfinite(verdict.unstable_poles):
+        found["unstable_poles"] = round(verdict.unstable_poles)
+    margins = verdict.margins
+    if margins is not None and verdict.stable:
+        found |= {"ms": margins.sensitivity.value}
+        found |= {"gain_margin": margins.gain_rise.gain_margin} if margins.gain_rise else {}
+        found |= {"phase_margin_deg": margins.phase.phase_margin_deg} if margins.phase else {}
+        found |= {"delay_margin_s": margins.delay.delay_margin} if margins.delay else {}
+    if verdict.stable_range is not None:
+        low, high = verdict.stable_range
+        found |= {"stable_from_factor": low, **({"stable_to_factor": high} if math.isfinite(high) else {})}
+    return {"linear_loop": found}
 
 
 def loop_warnings(run: LoopRun) -> tuple[str, ...]:
@@ -61,31 +114,32 @@ def loop_warnings(run: LoopRun) -> tuple[str, ...]:
     return ()
 
 
-def linear_loop_record(run: LoopRun, model: TransferFunction) -> Mapping[str, object]:
-    """Give a closed loop around a linear model as a record, with the bandwidth of the closed loop where it is stable and has one.
+def bandwidth_fields(model: TransferFunction, law: AnyPid) -> Mapping[str, float]:
+    """Give the bandwidth of a closed loop around a linear model where it is stable and has one.
 
     Args:
-        run: the closed loop.
         model: around which it was closed.
+        law: gains alone, or a continuous controller.
     """
-    record = loop_record(run)
-    if not isinstance(judge_loop_stability(model, run.gains), StableLoop):
-        return record
+    if not isinstance(judge_loop_stability(model, law), StableLoop):
+        return {}
     try:
-        return {**record, "bandwidth_rad_s": find_bandwidth(model, run.gains)}
+        return {"bandwidth_rad_s": find_bandwidth(model, law)}
     except AnalysisError:  # its magnitude is below half power from zero frequency on
-        return record
+        return {}
 
 
-def format_loop(run: LoopRun) -> str:
-    """Format the samples of a closed speed loop as CSV: time, speed, throttle, and the controller's terms where they were recorded.
+def format_loop(run: LoopRun, further: Mapping[str, Floats] | None = None) -> str:
+    """Format the samples of a closed speed loop as CSV: time, speed, throttle, the controller's terms and what it wants beyond its limits.
 
     Args:
         run: the closed loop.
+        further: columns of the same length, by name.
     """
     columns = [("time_s", run.times), ("speed_rad_s", run.output), ("throttle_deg", run.control)]
     if run.terms.shape[0]:
-        columns += [(f"{name}_deg", run.terms[:, k]) for k, name in enumerate(("proportional", "integral", "derivative"))]
+        columns += [(f"{name}_deg", run.terms[:, k]) for k, name in enumerate(TERMS)]
+        columns.append(("windup_deg", run.windup))
     gains = run.gains
     notes: dict[str, str | float] = {
         "plant": run.plant,
@@ -95,16 +149,16 @@ def format_loop(run: LoopRun) -> str:
         "outcome": describe_outcome(run),
         "form": run.form,
     }
-    return format_csv(columns, notes=notes)
+    return format_csv([*columns, *(further or {}).items()], notes=notes)
 
 
-def _outcome_entries(run: LoopRun) -> Mapping[str, object]:
+def _outcome_entries(run: LoopRun, before: LoopRun) -> Mapping[str, object]:
     outcome = run.outcome
     if isinstance(outcome, Settled):
-        return {"overshoot": run.overshoot, "steady_error_rad_s": outcome.steady_error, **_settling(run)}
+        return {"overshoot": before.overshoot, "steady_error_rad_s": outcome.steady_error, **_settling(before)}
     if isinstance(outcome, LimitCycle):
         cycle = {"low_rad_s": outcome.low, "high_rad_s": outcome.high, "period_s": outcome.period}
-        return {"overshoot": run.overshoot, "limit_cycle": cycle}
+        return {"overshoot": before.overshoot, "limit_cycle": cycle}
     return {"ended_at_s": outcome.time, **_last_value(outcome)}
 
 
@@ -118,3 +172,15 @@ def _settling(run: LoopRun) -> Mapping[str, float]:
     except NotSettledError:
         return {}
     return {"settling_time_s": measures.settling_time, "settling_band": measures.band, "rise_time_s": measures.rise_time}
+
+
+def _load_entries(run: LoopRun, load: LoadStep | None) -> Mapping[str, object]:
+    if load is None:
+        return {}
+    found = measure_load_response(run, load)
+    return {"load_step": {"size_nm": load.size, "at_s": load.at, **({} if found is None else _response_fields(found))}}
+
+
+def _response_fields(found: LoadResponse) -> dict[str, float]:
+    fields = {"droop_rad_s": found.droop, "band_rad_s": found.band, "iae_rad": found.iae, "end_error_rad_s": found.error}
+    return fields | ({"settling_time_s": found.settling_time} if math.isfinite(found.settling_time) else {})

@@ -3,26 +3,29 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from revline.design.controller import PidGains
 from revline.design.margins import GainCrossover, Margins, PhaseCrossover
+from revline.design.pid_controller import AnyPid, PidController
+from revline.io.controller_surroundings import surroundings_record
 
 MOST_CROSSOVERS = 12
 """A long delay makes hundreds of phase crossovers; a record lists this many of the lowest, and says how many there are."""
 
 
-def margin_record(found: Margins, gains: PidGains) -> Mapping[str, object]:
+def margin_record(found: Margins, law: AnyPid) -> Mapping[str, object]:
     """Give margins as a record; what does not exist is left out.
 
     Args:
         found: the margins.
-        gains: of the controller.
+        law: gains alone, or the controller.
     """
-    return {"loop": found.loop, "controller": controller_fields(gains), **margin_fields(found)}
+    return {"loop": found.loop, "controller": controller_fields(law), **margin_fields(found)}
 
 
-def controller_fields(gains: PidGains) -> dict[str, object]:
-    """Give what a record of margins says of the controller."""
-    return {"kp": gains.kp, "ki": gains.ki, "kd": gains.kd, "rule": gains.rule, "designed_on": gains.designed_on}
+def controller_fields(law: AnyPid) -> dict[str, object]:
+    """Give what a record of a loop says of the controller; beside its gains only what it has."""
+    gains = law.gains if isinstance(law, PidController) else law
+    fields = {"kp": gains.kp, "ki": gains.ki, "kd": gains.kd, "rule": gains.rule, "designed_on": gains.designed_on}
+    return {**fields, **surroundings_record(law)} if isinstance(law, PidController) and law.extras else fields
 
 
 def crossover_fields(gain: Sequence[GainCrossover], phase: Sequence[PhaseCrossover]) -> dict[str, object]:
