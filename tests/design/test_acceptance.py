@@ -7,17 +7,21 @@ from typing import Any
 import numpy as np
 import pytest
 
+from revline import signals
+from revline.analysis.linearize import linearize
 from revline.analysis.trim import find_trim
 from revline.design.acceptance import Acceptance, Battery, Kind, OfUnstable, Requirements, accept
 from revline.design.acceptance_runs import Probe, measure_run
 from revline.design.closed_loop import operating_point
 from revline.design.controller import PidGains
-from revline.design.gain_reserve import ReserveSearch, find_gain_reserve
+from revline.design.discrete_loop import find_discrete_margins, sampled_plant_of_system
+from revline.design.gain_reserve import GainReserve, ReserveSearch, find_gain_reserve
 from revline.design.pid_controller import PidController
+from revline.design.run_ending import Ending, Seen, judge_ending
 from revline.design.sampled_loop import Disturbance, SampledTask, run_sampled_loop
 from revline.engine.lee1995 import lee1995
 from revline.engine.spread import spread_engine
-from revline.errors import InvalidInputError
+from revline.errors import InvalidInputError, NotConvergedError, StepError
 from revline.sampled import FixedRate
 from tests.design.controllers import C2D
 
@@ -100,10 +104,62 @@ def test_a_reserve_that_is_not_reached_is_a_lower_bound() -> None:
     point = operating_point(find_trim(engine, inputs={"throttle": 25.0}))
     tiny = MILD.scaled(kp=1e-3, ki=1e-3, kd=0.0)
     found = find_gain_reserve(engine, point, sampled(tiny), ReserveSearch(command=1.0, until=1.0), place={})
-    assert found.hunts == math.inf
+    assert (found.hunts, found.ending) == (math.inf, Ending.RESTS)
     assert found.decibels == pytest.approx(20.0 * math.log10(64.0))
     with pytest.raises(InvalidInputError, match="step of the command = 0  is outside the finite numbers but 0"):
         find_gain_reserve(engine, point, sampled(tiny), ReserveSearch(command=0.0), place={})
+
+
+INTEGRAL = PidGains(kp=0.0, ki=0.3, kd=0.0, input_unit="rad/s", output_unit="deg", rule="by hand", designed_on="the engine")
+
+
+def reserve_at_25(controller: PidController, **search: Any) -> GainReserve:
+    engine = lee1995()
+    point = operating_point(find_trim(engine, inputs={"throttle": 25.0}))
+    return find_gain_reserve(engine, point, controller, ReserveSearch(**search), place={"throttle": 25.0})
+
+
+def test_a_slow_oscillation_is_seen_whatever_length_is_asked_for() -> None:
+    """Integral action alone hunts with a period of 1.18 s, at 4.178 times its gain by the exact linear model; runs begin with 1 s."""
+    engine = lee1995()
+    model = linearize(engine, find_trim(engine, inputs={"throttle": 25.0})).model
+    rise = find_discrete_margins(sampled_plant_of_system(model), sampled(INTEGRAL)).margins.gain_rise
+    assert rise is not None
+    found = reserve_at_25(sampled(INTEGRAL), command=0.5, until=1.0)
+    assert found.factor <= rise.gain_margin <= 1.01 * found.hunts
+    assert found.ending is Ending.HUNTS
+    assert 2.0 * math.pi / found.period == pytest.approx(rise.frequency, rel=5e-3)
+    with pytest.raises(NotConvergedError, match=r"no run of 0.2 to 12.8 s tells whether the loop comes to rest or hunts"):
+        reserve_at_25(sampled(INTEGRAL), command=0.5, until=0.2)
+
+
+@pytest.mark.parametrize("integral", [-0.1, -0.01])
+def test_a_loop_that_drifts_to_a_bound_does_not_come_to_rest(integral: float) -> None:
+    """The wrong sign of the integral is a real root outside the unit circle: nothing oscillates, and the integral ends at its bound."""
+    found = reserve_at_25(sampled(replace(MILD, ki=integral)), command=10.0)
+    assert (found.factor, found.ending) == (0.0, Ending.DRIFTS)
+    assert found.decibels == -math.inf
+
+
+def test_a_command_out_of_reach_leaves_the_output_at_its_limit() -> None:
+    """No reserve is told where nothing is controlled; all samples but the first count as at the limit, though their sums round."""
+    engine = lee1995()
+    point = operating_point(find_trim(engine, inputs={"throttle": 25.0}))
+    run = run_sampled_loop(engine, point, sampled(MILD), SampledTask(command=signals.step(700.0), until=5.0))
+    assert run.saturated_share == 1.0
+    assert judge_ending(run, 700.0, long=False) == (Seen(Ending.DRIFTS),)
+
+
+def test_the_resolution_of_the_output_is_no_hunting() -> None:
+    """Steps of 0.1 deg make the throttle go to and fro by one of them for ever, at any gain; the exact margin without is 5.57."""
+    found = reserve_at_25(sampled(MILD, output_step=0.1), command=10.0, until=6.0)
+    assert 4.9 < found.factor < 5.57
+    assert found.ending is Ending.HUNTS
+
+
+def test_a_step_longer_than_a_lag_is_no_fault_of_the_gains() -> None:
+    with pytest.raises(StepError, match="longer than a lag during the run"):
+        reserve_at_25(sampled(MILD), command=100.0, until=2.0, step=5e-3)
 
 
 def test_measures_are_those_of_the_record() -> None:

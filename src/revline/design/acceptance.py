@@ -376,6 +376,6 @@ def _judge_reserve(reserve: GainReserve, wish: Requirements) -> tuple[str, ...]:
     if reserve.decibels >= wish.gain_reserve_db:
         return ()
     place = ", ".join(f"{name} {value:g}" for name, value in reserve.place.items())
-    return (
-        f"{place}: hunts at {reserve.factor:.3g} times its gains, a reserve of {reserve.decibels:.2f} dB, below {wish.gain_reserve_db:g}",
-    )
+    rests = f"rests at {reserve.factor:.3g} times its gains" if reserve.factor > 0.0 else "rests at none of its gains' multiples tried"
+    does = f"{reserve.ending.value} at {reserve.hunts:.3g} times" if math.isfinite(reserve.hunts) else "was not raised further"
+    return (f"{place}: {rests} and {does}, a reserve of {reserve.decibels:.2f} dB, below {wish.gain_reserve_db:g}",)

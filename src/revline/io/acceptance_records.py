@@ -87,6 +87,9 @@ def _reserve_record(reserve: GainReserve) -> Mapping[str, object]:
     record |= _finite(numbers)
     if math.isinf(reserve.hunts):
         record["note"] = f"no hunting up to {LARGEST:g} times the gains"
+    elif reserve.factor == 0.0:
+        record["note"] = f"it comes to rest at none of its gains' multiples down to {reserve.hunts:g}"
+    record["ending"] = reserve.ending.name.lower()
     return {**record, "runs": reserve.runs}
 
 
