@@ -151,7 +151,7 @@ def test_a_command_out_of_reach_leaves_the_output_at_its_limit() -> None:
 
 
 def test_the_resolution_of_the_output_is_no_hunting() -> None:
-    """Steps of 0.1 deg make the throttle go to and fro by one of them for ever, at any gain; the exact margin without is 5.57."""
+    """Steps of 0.1 deg keep the throttle moving by one of them for ever, at any gain; the exact margin without is 5.57."""
     found = reserve_at_25(sampled(MILD, output_step=0.1), command=10.0, until=6.0)
     assert 4.9 < found.factor < 5.57
     assert found.ending is Ending.HUNTS
