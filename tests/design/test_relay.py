@@ -75,7 +75,9 @@ def test_the_engine_under_a_relay_is_foretold_by_its_exact_model_and_off_its_ult
 
 def test_a_bisection_that_ends_otherwise_than_by_hunting_is_no_ultimate_gain() -> None:
     """A command out of reach keeps the throttle at its limit: the period of that is no ultimate period."""
-    with pytest.raises(AnalysisError, match=r"finds no hunting of lee1995 after a step of 600: at a gain of .* its output stays at a limit"):
+    with pytest.raises(
+        AnalysisError, match=r"finds no hunting of lee1995 after a step of 600: at a gain of .* its output stays at a limit"
+    ):
         compare_ultimate_points(lee1995(), trim(), RelayTask(amplitude=0.5, until=4.0), command=600.0)
 
 
