@@ -22,7 +22,7 @@ from revline.design.sampled_loop import Disturbance, SampledTask, run_sampled_lo
 from revline.engine.lee1995 import lee1995
 from revline.engine.spread import spread_engine
 from revline.errors import InvalidInputError, NotConvergedError, StepError
-from revline.sampled import FixedRate
+from revline.sampled import CrankSynchronous, FixedRate
 from tests.design.controllers import C2D
 
 MILD = PidGains(kp=0.4, ki=0.6, kd=0.02, input_unit="rad/s", output_unit="deg", rule="by hand", designed_on="the engine")
@@ -80,6 +80,15 @@ def test_each_requirement_is_asked_for() -> None:
     found = judge(MILD, 25.0, battery=replace(SHORT, requirements=wish))
     for word in ("overshoot", "settles only after", "off its target", "the load's step moves it by", "a reserve of"):
         assert any(word in reason for reason in found.reasons), word
+
+
+def test_a_computation_that_outlasts_a_sample_fails_where_the_speed_rises() -> None:
+    """At 240.8 rad/s a turn by pi takes 13.05 ms, at 250.8 rad/s 12.53 ms; the computation takes 12.8 ms."""
+    engine = lee1995()
+    slow = replace(sampled(MILD.scaled(kp=0.25, ki=0.25, kd=1.0)), sampling=CrankSynchronous(angle=math.pi, computation_delay=0.0128))
+    battery = Battery(until=4.0, disturbance=Disturbance(noise=0.3, jitter=1e-3))
+    found = accept({"e": engine}, slow, [{"throttle": 25.0}], battery)
+    assert ["not ready before the next sample" in " ".join(run.reasons) for run in found.runs] == [True, False, True, False]
 
 
 def test_the_verdict_does_not_depend_on_the_threads() -> None:
@@ -195,6 +204,7 @@ def test_the_spread_changes_one_parameter_at_a_time() -> None:
     ("make", "message"),
     [
         (lambda: Requirements(overshoot=0.0), "required overshoot = 0 of the command is outside the positive numbers"),
+        (lambda: Requirements(gain_reserve_db=math.nan), "required gain reserve = nan dB is outside the finite numbers; give one"),
         (lambda: Battery(command=0.0), "the step of the command is 0; give a finite size that is not 0"),
         (lambda: Battery(load=math.inf), "the step of the load is inf"),
         (lambda: Battery(until=0.0), "length of a run = 0 s is outside the positive numbers"),

@@ -42,7 +42,7 @@ class Requirements:
         gain_reserve_db: least factor to the onset of hunting, in dB.
 
     Raises:
-        InvalidInputError: a requirement is no positive number.
+        InvalidInputError: a requirement is no positive number, or the gain reserve no finite one.
     """
 
     overshoot: float = 0.3
@@ -63,6 +63,8 @@ class Requirements:
             value = getattr(self, name)
             if not value > 0.0:
                 raise out_of_range(f"required {name.replace('_', ' ')}", value, unit, "the positive numbers", "give one")
+        if not math.isfinite(self.gain_reserve_db):
+            raise out_of_range("required gain reserve", self.gain_reserve_db, "dB", "the finite numbers", "give one, for example 3")
 
 
 class OfUnstable(Enum):
@@ -367,6 +369,8 @@ def _judge(measures: Measures, wish: Requirements, case: Case) -> tuple[str, ...
     for name, value in (("command", measures.command_error), ("load", measures.load_error)):
         if abs(value) > wish.steady_error * step + measures.uncertain:
             found.append(f"rests {value:+.3g} off its target after the {name}'s step, more than {wish.steady_error * step:.3g}")
+    if measures.overruns:
+        found.append(f"{measures.overruns} outputs were not ready before the next sample: compute faster, or sample at a larger angle")
     if measures.droop > wish.droop:
         found.append(f"the load's step moves it by {measures.droop:.3g}, more than {wish.droop:g}")
     return tuple(found)

@@ -12,8 +12,8 @@ from revline.design.gain_reserve import LARGEST, RESOLUTION, GainReserve, Reserv
 from revline.design.open_loop import open_loop_of_system
 from revline.design.pid_controller import PidController
 from revline.design.relay import RelayExperiment, RelayPrediction, RelayTask, predict_relay, run_relay
-from revline.design.ultimate import UltimatePoint, UltimateSource, find_ultimate_point
 from revline.design.run_ending import Ending
+from revline.design.ultimate import UltimatePoint, UltimateSource, find_ultimate_point
 from revline.errors import AnalysisError
 from revline.sampled import FixedRate
 from revline.system import DelaySystem, index_of
