@@ -150,6 +150,15 @@ def test_a_loop_that_drifts_to_a_bound_does_not_come_to_rest(integral: float) ->
     assert found.decibels == -math.inf
 
 
+@pytest.mark.parametrize(("period", "until"), [(0.005, 0.02), (0.5, 2.0)])
+def test_a_run_that_the_plants_delay_or_a_few_samples_fill_tells_nothing(period: float, until: float) -> None:
+    """Within 20 ms no torque has changed yet, and every 0.5 s only one sample falls into the last fifth of 2 s: neither is rest."""
+    engine = lee1995()
+    point = operating_point(find_trim(engine, inputs={"throttle": 25.0}))
+    run = run_sampled_loop(engine, point, sampled(INTEGRAL, period), SampledTask(command=signals.step(10.0), until=until))
+    assert judge_ending(run, 10.0, long=False) == ()
+
+
 def test_a_command_out_of_reach_leaves_the_output_at_its_limit() -> None:
     """No reserve is told where nothing is controlled; all samples but the first count as at the limit, though their sums round."""
     engine = lee1995()

@@ -194,7 +194,8 @@ class LinearLoop:
         fall = margins.gain_fall
         lacks = f"; it would be stable at {fall.gain_margin:.3g} times its gains" if fall is not None and margins.gain_rise is None else ""
         place = ", ".join(f"{name} {value:g}" for name, value in self.place.items())
-        return f"{place}: the linear loop is unstable, with {margins.unstable_poles:g} roots outside the unit circle{lacks}"
+        roots = "1 root" if margins.unstable_poles == 1.0 else f"{margins.unstable_poles:g} roots"
+        return f"{place}: the linear loop is unstable, with {roots} outside the unit circle{lacks}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -32,6 +32,9 @@ STEADY = 0.98
 FEWEST_PERIODS = 4
 """So many periods in the last two fifths of a run make an oscillation whose swing is measured."""
 
+FEWEST_SAMPLES = 4
+"""So many samples of the controller in the last fifth tell what it does there."""
+
 ENOUGH_PERIODS = 20
 """A long run has so many periods in its last two fifths at least."""
 
@@ -68,6 +71,8 @@ def judge_ending(run: SampledRun, command: float, *, long: bool) -> tuple[Seen, 
     """
     parts = np.array_split(run.output, 5)
     quiet = QUIET * abs(command) + 2.0 * law_of(run.controller).measurement_step
+    if np.count_nonzero(_last(run)) < FEWEST_SAMPLES or (not long and np.ptp(run.output) <= quiet):  # the plant's delay is not over
+        return ()
     if _is_held(run, quiet):
         return (Seen(Ending.DRIFTS),)
     if np.ptp(parts[-1]) <= quiet or _is_resolved(run):
@@ -134,9 +139,12 @@ def _judge_swing(run: SampledRun, crossings: Floats, faded: float) -> tuple[Seen
 
 
 def _judge_creeping(run: SampledRun, before: float, last: float, *, long: bool) -> tuple[Seen, ...]:
-    """Judge a loop that goes one way: it comes to rest where its way grows shorter, it drifts where that grows and leads off its target."""
+    """Judge a loop that goes one way: it comes to rest where its way towards its target grows shorter, and drifts where it grows and leads
+    further off the target than the run began.
+    """
     error = np.abs(run.output[_late(run)] - run.command[-1])
-    leaves = bool(error[-1] > error[0])
-    if (last < FADING * before or (long and last < before)) and not leaves:
+    nearer = bool(error[-1] <= error[0])
+    if nearer and (last < FADING * before or (long and last < before)):
         return (Seen(Ending.RESTS),)
-    return (Seen(Ending.DRIFTS),) if long and last >= before and leaves else ()
+    far = bool(error[-1] > abs(run.command[-1] - run.start))
+    return (Seen(Ending.DRIFTS),) if long and last >= before and far and not nearer else ()
