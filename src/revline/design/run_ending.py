@@ -139,8 +139,9 @@ def _judge_swing(run: SampledRun, crossings: Floats, faded: float) -> tuple[Seen
 
 
 def _judge_creeping(run: SampledRun, before: float, last: float, *, long: bool) -> tuple[Seen, ...]:
-    """Judge a loop that goes one way: it comes to rest where its way towards its target grows shorter, and drifts where it grows and leads
-    further off the target than the run began.
+    """Judge a loop that goes one way.
+
+    It comes to rest where its way towards its target grows shorter, and drifts where it grows and leads further off than the run began.
     """
     error = np.abs(run.output[_late(run)] - run.command[-1])
     nearer = bool(error[-1] <= error[0])
