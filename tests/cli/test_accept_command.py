@@ -31,6 +31,8 @@ def test_a_verdict_with_all_that_it_rests_on(revline: Command, tmp_path: Path) -
     assert [run["kind"] for run in record["runs"]] == ["clean", "clean", "noisy", "noisy"]
     assert record["linear_loops"][0]["stable"] is True
     assert record["linear_loops"][0]["sampling_period_s"] == 0.01
+    assert (record["battery"]["jitter"], record["battery"]["jitter_unit"]) == (1e-4, "s")
+    assert record["gain_reserves"][0]["ending"] == "hunts"
     assert record["controller"]["sampling"] == {"kind": "fixed-rate", "period_s": 0.01, "computation_delay_s": 0.0}
     assert record["controller"]["output_high"] == pytest.approx(79.46)
 

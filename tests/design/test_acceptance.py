@@ -8,18 +8,22 @@ from typing import Any
 import numpy as np
 import pytest
 
+from revline import signals
+from revline.analysis.linearize import linearize
 from revline.analysis.trim import find_trim
 from revline.design.acceptance import Acceptance, Battery, Kind, OfUnstable, Requirements, accept
 from revline.design.acceptance_runs import Probe, measure_run
 from revline.design.closed_loop import operating_point
 from revline.design.controller import PidGains
-from revline.design.gain_reserve import RESOLUTION, GainReserve, ReserveSearch, fades, find_gain_reserve
+from revline.design.discrete_loop import find_discrete_margins, sampled_plant_of_system
+from revline.design.gain_reserve import RESOLUTION, GainReserve, ReserveSearch, find_gain_reserve
 from revline.design.pid_controller import PidController
+from revline.design.run_ending import Ending, Seen, judge_ending
 from revline.design.sampled_loop import Disturbance, SampledTask, run_sampled_loop
 from revline.engine.lee1995 import lee1995
 from revline.engine.spread import spread_engine
-from revline.errors import InvalidInputError
-from revline.sampled import FixedRate
+from revline.errors import InvalidInputError, NotConvergedError, StepError
+from revline.sampled import CrankSynchronous, FixedRate
 from tests.design.controllers import C2D
 
 MILD = PidGains(kp=0.4, ki=0.6, kd=0.02, input_unit="rad/s", output_unit="deg", rule="by hand", designed_on="the engine")
@@ -79,6 +83,15 @@ def test_each_requirement_is_asked_for() -> None:
         assert any(word in reason for reason in found.reasons), word
 
 
+def test_a_computation_that_outlasts_a_sample_fails_where_the_speed_rises() -> None:
+    """At 240.8 rad/s a turn by pi takes 13.05 ms, at 250.8 rad/s 12.53 ms; the computation takes 12.8 ms."""
+    engine = lee1995()
+    slow = replace(sampled(MILD.scaled(kp=0.25, ki=0.25, kd=1.0)), sampling=CrankSynchronous(angle=math.pi, computation_delay=0.0128))
+    battery = Battery(until=4.0, disturbance=Disturbance(noise=0.3, jitter=1e-3))
+    found = accept({"e": engine}, slow, [{"throttle": 25.0}], battery)
+    assert ["not ready before the next sample" in " ".join(run.reasons) for run in found.runs] == [True, False, True, False]
+
+
 def test_the_verdict_does_not_depend_on_the_threads() -> None:
     engine, places, brief = lee1995(), [{"throttle": 25.0}], Battery(until=3.0)
     one, two = (accept({"e": engine}, sampled(C2D), places, brief, workers=workers) for workers in (1, 2))
@@ -101,7 +114,7 @@ def test_a_reserve_that_is_not_reached_is_a_lower_bound() -> None:
     point = operating_point(find_trim(engine, inputs={"throttle": 25.0}))
     tiny = MILD.scaled(kp=1e-3, ki=1e-3, kd=0.0)
     found = find_gain_reserve(engine, point, sampled(tiny), ReserveSearch(command=1.0, until=1.0), place={})
-    assert found.hunts == math.inf
+    assert (found.hunts, found.ending) == (math.inf, Ending.RESTS)
     assert found.decibels == pytest.approx(20.0 * math.log10(64.0))
     with pytest.raises(InvalidInputError, match="step of the command = 0 is outside the finite numbers but 0"):
         find_gain_reserve(engine, point, sampled(tiny), ReserveSearch(command=0.0), place={})
@@ -111,6 +124,67 @@ def test_a_reserve_that_is_not_reached_is_a_lower_bound() -> None:
 
     with pytest.raises(CancelledError):  # before any run, so that an interruption need not wait for a whole search
         find_gain_reserve(engine, point, sampled(tiny), ReserveSearch(command=1.0, until=1e6), place={}, progress=ends)
+
+
+INTEGRAL = PidGains(kp=0.0, ki=0.3, kd=0.0, input_unit="rad/s", output_unit="deg", rule="by hand", designed_on="the engine")
+
+
+def reserve_at_25(controller: PidController, **search: Any) -> GainReserve:
+    engine = lee1995()
+    point = operating_point(find_trim(engine, inputs={"throttle": 25.0}))
+    return find_gain_reserve(engine, point, controller, ReserveSearch(**search), place={"throttle": 25.0})
+
+
+def test_a_slow_oscillation_is_seen_whatever_length_is_asked_for() -> None:
+    """Integral action alone hunts with a period of 1.18 s, at 4.178 times its gain by the exact linear model; runs begin with 1 s."""
+    engine = lee1995()
+    model = linearize(engine, find_trim(engine, inputs={"throttle": 25.0})).model
+    rise = find_discrete_margins(sampled_plant_of_system(model), sampled(INTEGRAL)).margins.gain_rise
+    assert rise is not None
+    found = reserve_at_25(sampled(INTEGRAL), command=0.5, until=1.0)
+    assert found.factor <= rise.gain_margin <= 1.01 * found.hunts
+    assert found.ending is Ending.HUNTS
+    assert 2.0 * math.pi / found.period == pytest.approx(rise.frequency, rel=5e-3)
+    with pytest.raises(NotConvergedError, match=r"no run of 0.2 to 12.8 s tells whether the loop comes to rest or hunts"):
+        reserve_at_25(sampled(INTEGRAL), command=0.5, until=0.2)
+
+
+@pytest.mark.parametrize("integral", [-0.1, -0.01])
+def test_a_loop_that_drifts_to_a_bound_does_not_come_to_rest(integral: float) -> None:
+    """The wrong sign of the integral is a real root outside the unit circle: nothing oscillates, and the integral ends at its bound."""
+    found = reserve_at_25(sampled(replace(MILD, ki=integral)), command=10.0)
+    assert (found.factor, found.ending) == (0.0, Ending.DRIFTS)
+    assert found.decibels == -math.inf
+
+
+@pytest.mark.parametrize(("period", "until"), [(0.005, 0.02), (0.5, 2.0)])
+def test_a_run_that_the_plants_delay_or_a_few_samples_fill_tells_nothing(period: float, until: float) -> None:
+    """Within 20 ms no torque has changed yet, and every 0.5 s only one sample falls into the last fifth of 2 s: neither is rest."""
+    engine = lee1995()
+    point = operating_point(find_trim(engine, inputs={"throttle": 25.0}))
+    run = run_sampled_loop(engine, point, sampled(INTEGRAL, period), SampledTask(command=signals.step(10.0), until=until))
+    assert judge_ending(run, 10.0, long=False) == ()
+
+
+def test_a_command_out_of_reach_leaves_the_output_at_its_limit() -> None:
+    """No reserve is told where nothing is controlled; all samples but the first count as at the limit, though their sums round."""
+    engine = lee1995()
+    point = operating_point(find_trim(engine, inputs={"throttle": 25.0}))
+    run = run_sampled_loop(engine, point, sampled(MILD), SampledTask(command=signals.step(700.0), until=5.0))
+    assert run.saturated_share == 1.0
+    assert judge_ending(run, 700.0, long=False) == (Seen(Ending.DRIFTS),)
+
+
+def test_the_resolution_of_the_output_is_no_hunting() -> None:
+    """Steps of 0.1 deg keep the throttle moving by one of them for ever, at any gain; the exact margin without is 5.57."""
+    found = reserve_at_25(sampled(MILD, output_step=0.1), command=10.0, until=6.0)
+    assert 4.9 < found.factor < 5.57
+    assert found.ending is Ending.HUNTS
+
+
+def test_a_step_longer_than_a_lag_is_no_fault_of_the_gains() -> None:
+    with pytest.raises(StepError, match="longer than a lag during the run"):
+        reserve_at_25(sampled(MILD), command=100.0, until=2.0, step=5e-3)
 
 
 def test_measures_are_those_of_the_record() -> None:
@@ -156,16 +230,6 @@ def test_the_spread_changes_one_parameter_at_a_time() -> None:
 def test_what_cannot_be_judged_is_refused(make: Any, message: str) -> None:
     with pytest.raises(InvalidInputError, match=message):
         make()
-
-
-@pytest.mark.parametrize("share", [0.6, 0.8, 0.9, 0.94])
-def test_swings_that_fall_evenly_fade_and_those_that_slow_down_do_not(share: float) -> None:
-    """A geometric decay fades; one to a limit cycle of half the last swing, and that of an onset as t^-1/2, do not."""
-    even = [share**k for k in range(3)]
-    assert fades(*even)
-    assert not fades(*(share**2 + swing for swing in even))
-    assert not fades(*(1.0 / math.sqrt(t) for t in (2.5, 3.5, 4.5)))
-    assert not fades(*(0.97**k for k in range(3)))
 
 
 def test_a_reserve_is_found_from_anywhere_it_is_expected_and_by_fewer_runs_where_it_is() -> None:

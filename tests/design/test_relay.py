@@ -85,6 +85,14 @@ def test_the_engine_under_a_relay_is_foretold_by_its_exact_model_and_off_its_ult
     assert re.match(r"the bisection is -[12]\.\d % off: -2\.0 % because its loop samples every 1 ms", found.reasons[1])
 
 
+def test_a_bisection_that_ends_otherwise_than_by_hunting_is_no_ultimate_gain() -> None:
+    """A command out of reach keeps the throttle at its limit: the period of that is no ultimate period."""
+    with pytest.raises(
+        AnalysisError, match=r"finds no hunting of lee1995 after a step of 600: at a gain of .* its output stays at a limit"
+    ):
+        compare_ultimate_points(lee1995(), trim(), RelayTask(amplitude=0.5, until=4.0), command=600.0)
+
+
 def test_a_large_relay_shows_the_engines_nonlinearity() -> None:
     point = operating_point(trim())
     small, large = (run_relay(lee1995(), point, RelayTask(amplitude=size)) for size in (1.0, 8.0))

@@ -2,7 +2,8 @@
 
 import math
 
-from revline.dde.run import Record
+from revline.dde.run import BY_STATE, Record
+from revline.dde.sampling import MOST_CORRECTIONS
 from revline.errors import DivergedError, LagError, SimulationError, StalledError, StepError
 from revline.system import DelaySystem
 
@@ -18,6 +19,13 @@ def explain(system: DelaySystem, s: Record) -> SimulationError:
     place = f"{system.name} at t = {time:g} s ({'; '.join(text for text in (values, ages) if text)})"
     details = {"time": time, **present, **lags}
     tried = [(v, float(x)) for v, x in zip(system.states, s["x_next"][:n], strict=True)]
+    if s["sampling"] == BY_STATE and s["corrections"] >= MOST_CORRECTIONS and math.isnan(s["x_next"][int(s["sampled_state"])]):
+        name = system.states[int(s["sampled_state"])].name
+        message = (
+            f"{place}: the time at which {name} passes {float(s['state_target']):g}, of the next sample, is not found in {MOST_CORRECTIONS}"
+            " corrections: its rate jumps; give a smaller step"
+        )
+        return SimulationError(message, state=name, **details)
     lost = [v.name for v, x in tried if not math.isfinite(x)]
     if lost:
         return DivergedError(

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from revline.dde.events import choose_step
 from revline.dde.history import FAR
 from revline.dde.memory import disturbances_of, load_tuple, loader_of, parameter_type, store_tuple, updates_of
@@ -17,6 +19,9 @@ from revline.sampled import SampledController
 
 MOST_CORRECTIONS = 20
 """The time at which a smooth state passes a value is found in two or three; a state that stands still is never there."""
+
+NEAR = 100.0
+"""After these, a sample this near in tolerances is in time, for the state rounds; one that is not is refused."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,19 +58,23 @@ def aim(s: Record) -> bool:
 
 def missed(s: Record) -> bool:
     """Say whether the tried step must be tried anew, to where the state passes its next value, which it ran past or fell short of."""
-    if s.sampling != BY_STATE or s.corrections >= MOST_CORRECTIONS:
+    if s.sampling != BY_STATE:
         return False
     rate = s.rates[s.sampled_state]
     if rate <= 0.0:
         return False
     late = (s.x_next[s.sampled_state] - s.state_target) / rate
-    if late > s.tolerance or (s.end >= s.sample_time - s.tolerance and late < -s.tolerance):
-        s.corrections += 1
-        s.sample_time = s.end - late if s.end - late > s.time else s.time + s.tolerance
-        set_event(s)
-        choose_step(s)
-        return True
-    return False
+    if not (late > s.tolerance or (s.end >= s.sample_time - s.tolerance and late < -s.tolerance)):
+        return False
+    if s.corrections >= MOST_CORRECTIONS:
+        if late > NEAR * s.tolerance or late < -NEAR * s.tolerance:
+            s.x_next[s.sampled_state] = np.nan  # the step is refused
+        return False
+    s.corrections += 1
+    s.sample_time = s.end - late if s.end - late > s.time else s.time + s.tolerance
+    set_event(s)
+    choose_step(s)
+    return True
 
 
 def set_event(s: Record) -> None:

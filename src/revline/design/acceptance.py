@@ -42,7 +42,7 @@ class Requirements:
         gain_reserve_db: least factor to the onset of hunting, in dB.
 
     Raises:
-        InvalidInputError: a requirement is no positive number.
+        InvalidInputError: a requirement is no positive number, or the gain reserve no finite one.
     """
 
     overshoot: float = 0.3
@@ -200,7 +200,8 @@ class LinearLoop:
         fall = margins.gain_fall
         lacks = f"; it would be stable at {fall.gain_margin:.3g} times its gains" if fall is not None and margins.gain_rise is None else ""
         place = ", ".join(f"{name} {value:g}" for name, value in self.place.items())
-        return f"{place}: the linear loop is unstable, with {margins.unstable_poles:g} roots outside the unit circle{lacks}"
+        roots = "1 root" if margins.unstable_poles == 1.0 else f"{margins.unstable_poles:g} roots"
+        return f"{place}: the linear loop is unstable, with {roots} outside the unit circle{lacks}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -375,6 +376,8 @@ def _judge(measures: Measures, wish: Requirements, case: Case) -> tuple[str, ...
     for name, value in (("command", measures.command_error), ("load", measures.load_error)):
         if abs(value) > wish.steady_error * step + measures.uncertain:
             found.append(f"rests {value:+.3g} off its target after the {name}'s step, more than {wish.steady_error * step:.3g}")
+    if measures.overruns:
+        found.append(f"{measures.overruns} outputs were not ready before the next sample: compute faster, or sample at a larger angle")
     if measures.droop > wish.droop:
         found.append(f"the load's step moves it by {measures.droop:.3g}, more than {wish.droop:g}")
     return tuple(found)
@@ -384,6 +387,6 @@ def _judge_reserve(reserve: GainReserve, wish: Requirements) -> tuple[str, ...]:
     if reserve.decibels >= wish.gain_reserve_db:
         return ()
     place = ", ".join(f"{name} {value:g}" for name, value in reserve.place.items())
-    return (
-        f"{place}: hunts at {reserve.factor:.3g} times its gains, a reserve of {reserve.decibels:.2f} dB, below {wish.gain_reserve_db:g}",
-    )
+    rests = f"rests at {reserve.factor:.3g} times its gains" if reserve.factor > 0.0 else "rests at none of its gains' multiples tried"
+    does = f"{reserve.ending.value} at {reserve.hunts:.3g} times" if math.isfinite(reserve.hunts) else "was not raised further"
+    return (f"{place}: {rests} and {does}, a reserve of {reserve.decibels:.2f} dB, below {wish.gain_reserve_db:g}",)

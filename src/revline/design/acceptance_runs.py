@@ -67,7 +67,7 @@ class Measures:
         travel: sum of all movements of the control, in its unit.
         saturated_share: part of the controller's samples with its output at a limit.
         integral_low, integral_high: range of the integral term, in the control's unit.
-        uncertain: how far a mean may be off by noise alone.
+        uncertain: how far a mean may be off by noise alone: a standard deviation, which a loop that rings comes to and no other.
         overruns: outputs that were not ready before the next sample.
     """
 

@@ -37,8 +37,9 @@ FEWEST_ALIASES, MOST_ALIASES = 40, 5120
 """Terms of the sum to each side, doubled until what is left out is small: it falls with their number to the power of the plant's excess
 of poles over zeros."""
 
-LARGEST_LEFT_OUT = 1e-5
-"""What is left out of the sum, as a part of the sum."""
+ENOUGH_LEFT_OUT, LARGEST_LEFT_OUT = 1e-5, 1e-4
+"""What is left out of the sum, as a part of the sum: where the doubling ends, and what is refused with the most terms. A lag behind a whole
+number of periods comes between: all its terms have one sign."""
 
 LOWEST_SHARE = 1e-6
 """The loop is followed from this part of half the sampling frequency on; below, integral action alone decides."""
@@ -229,7 +230,7 @@ class SampledLoop:
         while aliases <= MOST_ALIASES:
             finer = self._plant(probes, aliases)
             left_out = float(np.max(np.abs(finer - values) / np.abs(finer)))
-            if left_out <= LARGEST_LEFT_OUT:
+            if left_out <= ENOUGH_LEFT_OUT or (aliases == MOST_ALIASES and left_out <= LARGEST_LEFT_OUT):
                 return aliases, left_out
             aliases, values = 2 * aliases, finer
         limit = f"periods at which the sum over {MOST_ALIASES} aliases settles to {LARGEST_LEFT_OUT:g}; it is {left_out:.2g} off here"

@@ -5,6 +5,7 @@ output is held. Source: Astrom and Wittenmark (1997), Computer-Controlled System
 """
 
 import functools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
@@ -29,12 +30,16 @@ from revline.units import Seconds
 from revline.values import make_read_only
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 Vector = tuple[float, ...]
 
 COMMAND, ANGLE = "command", "crank_angle"
 
 SHIFT_LIMIT = 4.0
 """Noise and shifts of samples are cut off at so many standard deviations."""
+
+AT_LIMIT = 1e-9
+"""An output this near to a limit, as a part of it, is at it: clamping keeps a sum there, which rounds."""
 
 
 class Counter(NamedTuple):
@@ -174,10 +179,25 @@ class SampledRun:
         return self.sampled.outputs[:, index_of(self.code.outputs, name)]
 
     @property
+    def at_low_limit(self) -> Bools:
+        """At which of its samples the controller's output is held by the lower limit, shape (k,)."""
+        low = law_of(self.controller).low
+        return self.of_controller("control") <= low + _rounding_at(low)
+
+    @property
+    def at_high_limit(self) -> Bools:
+        """At which of its samples the controller's output is held by the upper limit, shape (k,)."""
+        high = law_of(self.controller).high
+        return self.of_controller("control") >= high - _rounding_at(high)
+
+    @property
     def saturated_share(self) -> float:
         """Part of the samples at which the output was held by one of its limits."""
-        control, law = self.of_controller("control"), law_of(self.controller)
-        return float(np.mean((control <= law.low) | (control >= law.high)))
+        return float(np.mean(self.at_low_limit | self.at_high_limit))
+
+
+def _rounding_at(bound: float) -> float:
+    return AT_LIMIT * max(1.0, abs(bound)) if math.isfinite(bound) else 0.0
 
 
 def run_sampled_loop(

@@ -8,10 +8,11 @@ from revline.analysis.trim import Trim
 from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals, operating_point
 from revline.design.controller import PidGains
 from revline.design.discrete_loop import find_discrete_margins, sampled_plant_of_system
-from revline.design.gain_reserve import RESOLUTION, GainReserve, ReserveSearch, find_gain_reserve
+from revline.design.gain_reserve import LARGEST, RESOLUTION, GainReserve, ReserveSearch, find_gain_reserve
 from revline.design.open_loop import open_loop_of_system
 from revline.design.pid_controller import PidController
 from revline.design.relay import RelayExperiment, RelayPrediction, RelayTask, predict_relay, run_relay
+from revline.design.run_ending import Ending
 from revline.design.ultimate import UltimatePoint, UltimateSource, find_ultimate_point
 from revline.errors import AnalysisError
 from revline.sampled import FixedRate
@@ -122,9 +123,15 @@ def compare_ultimate_points(
         message = f"the loop of {plant.name} sampled every {sampling_period:g} s has no ultimate gain above {begin:g}; sample faster"
         raise AnalysisError(message)
     sampled = UltimatePoint(gain=begin * rise.gain_margin, period=2.0 * math.pi / rise.frequency, source=UltimateSource.EXACT)
-    bisected = find_gain_reserve(
-        plant, point, controller, ReserveSearch(command=command, near=rise.gain_margin), place=dict(point.inputs), wires=wires
-    )
+    search = ReserveSearch(command=command, near=rise.gain_margin)
+    bisected = find_gain_reserve(plant, point, controller, search, place=dict(point.inputs), wires=wires)
+    if bisected.ending is not Ending.HUNTS:
+        gain = begin * min(bisected.hunts, LARGEST)
+        message = (
+            f"the bisection finds no hunting of {plant.name} after a step of {command:g}: at a gain of {gain:.4g} the loop"
+            f" {bisected.ending.value}; give a smaller step"
+        )
+        raise AnalysisError(message)
     return UltimateComparison(
         exact=exact,
         sampled=sampled,

@@ -8,6 +8,7 @@ from revline.design.acceptance import Acceptance, AcceptanceRun, LinearLoop
 from revline.design.gain_reserve import LARGEST, GainReserve
 from revline.design.scheduled_pid import ScheduledController, law_of
 from revline.io.controller_files import controller_record
+from revline.sampled import CrankSynchronous
 
 SCHEMA: Final = "revline.acceptance/1"
 
@@ -47,6 +48,7 @@ def acceptance_record(found: Acceptance, *, engine: str, provenance: Mapping[str
             "time_step_s": battery.step,
             "noise_rad_s": battery.disturbance.noise,
             "jitter": battery.disturbance.jitter,
+            "jitter_unit": "rad" if isinstance(law_of(found.controller).sampling, CrankSynchronous) else "s",
             "seed": battery.disturbance.seed,
             "requirements": _finite(requirements),
         },
@@ -87,6 +89,9 @@ def _reserve_record(reserve: GainReserve) -> Mapping[str, object]:
     record |= _finite(numbers)
     if math.isinf(reserve.hunts):
         record["note"] = f"no hunting up to {LARGEST:g} times the gains"
+    elif reserve.factor == 0.0:
+        record["note"] = f"it comes to rest at none of its gains' multiples down to {reserve.hunts:g}"
+    record["ending"] = reserve.ending.name.lower()
     return {**record, "runs": reserve.runs}
 
 
