@@ -154,9 +154,9 @@ def test_an_unstable_plant_and_a_high_gain_are_counted() -> None:
         ),
         (
             lambda: find_discrete_margins(
-                replace(sampled_plant_of_model(replace(LAG, denominator=(1.0, 1e-4))), held=None), sampled(PROPORTIONAL, 0.5)
+                replace(sampled_plant_of_model(replace(LAG, denominator=(1.0, 1e-6))), held=None), sampled(PROPORTIONAL, 0.5)
             ),
-            "sampling period = 0.5 s is outside periods at which the sum over 5120 aliases settles to 1e-05",
+            "sampling period = 0.5 s is outside periods at which the sum over 5120 aliases settles to 0.0001",
         ),
     ],
 )
