@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from revline.design.best_gains import best_gains
 from revline.design.gain_columns import GainColumns, find_ellipses, intersect_columns, peak_columns, stable_columns
-from revline.design.gain_map import Design, GainGrid, GainMap, GainPoint, LostPoint, best_gains, find_gain_map, solve_point
+from revline.design.gain_map import Design, GainGrid, GainMap, GainPoint, LostPoint, find_gain_map, solve_point
 from revline.design.gain_region import find_gain_region
 from revline.design.loop_family import family_of_model
 from revline.design.sensitivity_contour import find_peaks
@@ -156,7 +157,7 @@ def test_a_large_peak_is_kept_as_well(engine_map: GainMap, peak: float) -> None:
     ellipses = find_ellipses(region, peak)
     best = best_gains(region, ellipses, peak_columns(region, kp, peak, ellipses), peak)
     assert best.peak == pytest.approx(peak, rel=3e-4)
-    with pytest.raises(InvalidInputError, match="peak of the sensitivity = 21  is outside values above 1, up to 20"):
+    with pytest.raises(InvalidInputError, match="peak of the sensitivity = 21 is outside values above 1, up to 20"):
         peak_columns(region, kp, 21.0)
 
 

@@ -30,8 +30,11 @@ KP_SCALE = 0.05
 CANDIDATES = 200
 """Gains of the largest box on the grid whose peaks are compared."""
 
-LINES = 4
-"""Into how many parts the grid is divided about the edges of its largest box, before the box is sought again."""
+LINES, REFINEMENTS = 4, 2
+"""Into how many parts the grid is divided about the edges of its largest box, before the box is sought again, and how often."""
+
+ABOUT, SMALL_KP = 0.4, 0.01
+"""How far from the best ones found before, as a part of them, gains are then tried; kp counts as at least this part of the largest."""
 
 HALVINGS = 4
 """How often an edge's place between two lines of the grid is halved."""
@@ -173,11 +176,14 @@ def find_largest_box(system: DelaySystem, found: GainMap, floor: Floor, *, refer
         message = f"a box is sought in a map of {found.grid.shape} points; give at least two values on each axis, alike in both maps"
         raise InvalidInputError(message)
     gains, whole = _candidates(reference, floor), _whole(found)
-    ends, _ = _largest(found, _masks(found, reference, floor, gains))
-    found, reference = _finer(system, found, ends, same=reference is found, reference=reference)
     ends, good = _largest(found, _masks(found, reference, floor, gains))
-    box = _box(found, ends)
     kp, ki = _gentlest(found, ends, [gains[k] for k in good])
+    for _ in range(REFINEMENTS):
+        found, reference = _finer(system, found, ends, same=reference is found, reference=reference)
+        gains = _near(kp, ki, SMALL_KP * max(abs(p) for p, _ in gains))
+        ends, good = _largest(found, _masks(found, reference, floor, gains))
+        kp, ki = _gentlest(found, ends, [gains[k] for k in good])
+    box = _box(found, ends)
     own = Solver(system, found, Design(kd=found.kd, peak=found.peak))
     ask = own if reference is found else Solver(system, reference, Design(kd=reference.kd, peak=reference.peak))
 
@@ -247,6 +253,13 @@ def _candidates(reference: GainMap, floor: Floor) -> list[tuple[float, float]]:
     return [(float(p), float(i)) for p in kp for i in ki]
 
 
+def _near(kp: float, ki: float, least: float) -> list[tuple[float, float]]:
+    """Gains about others, closer to each other."""
+    kps = kp + max(abs(kp), least) * np.linspace(-ABOUT, ABOUT, KP_COLUMNS)
+    kis = ki * np.geomspace(1.0 - ABOUT, 1.0 / (1.0 - ABOUT), KI_LEVELS)
+    return [(float(p), float(i)) for p in kps for i in kis]
+
+
 def _masks(found: GainMap, reference: GainMap, floor: Floor, gains: Sequence[tuple[float, float]]) -> NDArray[np.bool_]:
     """Which gains do at each point, shape of the grid by gains."""
     kp = np.array([p for p, _ in gains[::KI_LEVELS]])
@@ -282,16 +295,14 @@ def _finer(
 ) -> tuple[GainMap, GainMap]:
     """The maps with more lines about a box's edges."""
     axes = [_more_lines(axis, pair) for axis, pair in ((found.grid.first_values, ends[:2]), (found.grid.second_values, ends[2:]))]
-    if (axes[0].size, axes[1].size) == found.grid.shape:
-        return found, reference
     grid = GainGrid(first=found.grid.first, first_values=axes[0], second=found.grid.second, second_values=axes[1])
-    own = find_gain_map(system, grid, Design(kd=found.kd, peak=found.peak))
-    return own, own if same else find_gain_map(system, grid, Design(kd=reference.kd, peak=reference.peak))
+    own = find_gain_map(system, grid, Design(kd=found.kd, peak=found.peak), known=found)
+    return own, own if same else find_gain_map(system, grid, Design(kd=reference.kd, peak=reference.peak), known=reference)
 
 
 def _more_lines(axis: Floats, pair: tuple[int, int]) -> Floats:
-    """Lines of a grid, with others about two of them, where these are not its ends."""
-    lines = [axis]
+    """Lines of a grid between the neighbours of two of them, with others about these two, where they are not its ends."""
+    lines = [axis[max(0, pair[0] - 1) : pair[1] + 2]]
     for k in pair:
         if k in (0, axis.size - 1):
             continue

@@ -38,14 +38,15 @@ SLICES = 9
 ROOM = 1.2
 """By this factor the box of gains exceeds that reach."""
 
-LATTICE = 60
-"""Parts of each axis to whose lines the points of proofs are moved inwards, so that they are shared by many."""
+FEWEST_LINES, MOST_LINES, LINES_PER_EXCESS = 60, 240, 12.0
+"""Parts of each axis to whose lines the points of proofs are moved inwards, so that they are shared by many: the more, the nearer the limit
+is to come to the found box."""
 
 MOST_PARTS = 20_000
 """Most parts of the map that are looked at."""
 
-MOST_CELLS = 1_500
-"""Most cells of one proof: where more would be needed another, larger box is easier to rule out."""
+FEWEST_CELLS, MOST_CELLS, CELLS_PER_EXCESS = 1_500, 4_000, 200.0
+"""Most cells of one proof, likewise: where more would be needed another, larger box is easier to rule out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,7 +117,7 @@ def limit_boxes(
     if not within > 0.0:
         raise out_of_range("allowed excess of the limit", within, "", "values above 0", "give one such as 0.1")
     ends = kd or (found.kd, found.kd)
-    prover = _Prover(system, found, reference, ends)
+    prover = _Prover(system, found, reference, ends, within)
     whole = _whole(reference)
     target = found.box.area * (1.0 + within)
     parts, ruled = [(-whole.area, whole)], list[Ruled]()
@@ -167,8 +168,10 @@ def _whole(found: GainMap) -> Box:
 class _Prover:
     """Rules boxes out, and remembers the points it has solved."""
 
-    def __init__(self, system: DelaySystem, found: BoxGains, reference: GainMap, kd: tuple[float, float]) -> None:
+    def __init__(self, system: DelaySystem, found: BoxGains, reference: GainMap, kd: tuple[float, float], within: float) -> None:
         self._system, self._found, self._kd = system, found, kd
+        self._lines = round(min(MOST_LINES, max(FEWEST_LINES, LINES_PER_EXCESS / within)))
+        self._cells = round(min(MOST_CELLS, max(FEWEST_CELLS, CELLS_PER_EXCESS / within)))
         self._design = Design(kd=reference.kd, peak=reference.peak)
         self._solve = Solver(system, reference, self._design)
         self._whole = _whole(reference)
@@ -190,10 +193,17 @@ class _Prover:
         return None
 
     def _within(self, box: Box, share: float, factor: float, corners: int) -> Ruled | None:
-        inner = _shrunk(box, factor, share, self._whole)
+        inner = self._shrunk(box, factor, share)
         if not (inner.first_low < inner.first_high and inner.second_low < inner.second_high):
             return None
         return self._try(inner, inner.corners[:corners])
+
+    def _shrunk(self, box: Box, factor: float, share: float) -> Box:
+        """A box in the inside of a larger one, drawn in by a share from the first axis, to lines of the lattice."""
+        whole = self._whole
+        first = _drawn_in((box.first_low, box.first_high), (whole.first_low, whole.first_high), factor**share, self._lines)
+        second = _drawn_in((box.second_low, box.second_high), (whole.second_low, whole.second_high), factor ** (1.0 - share), self._lines)
+        return Box(*first, *second)
 
     def _try(self, box: Box, places: tuple[tuple[float, float], ...]) -> Ruled | None:
         points = [self._solve(place) for place in places]
@@ -208,7 +218,7 @@ class _Prover:
         gains = GainBox(
             kp_low=kp_low, kp_high=kp_high, ki_low=floor, ki_high=max(ki_high, ROOM * floor), kd_low=self._kd[0], kd_high=self._kd[1]
         )
-        proof = prove_no_gains([self._point(place) for place in places], gains, self._found.peak, most=MOST_CELLS)
+        proof = prove_no_gains([self._point(place) for place in places], gains, self._found.peak, most=self._cells)
         if isinstance(proof, NoProof):
             return None
         return Ruled(box=box, places=places, floor_ki=floor, proof=proof)
@@ -243,17 +253,10 @@ class _Prover:
         return self._reach[place]
 
 
-def _shrunk(box: Box, factor: float, share: float, whole: Box) -> Box:
-    """A box in the inside of a larger one, its area a part of that, drawn in by a share from the first axis, to lines of the lattice."""
-    first = _drawn_in((box.first_low, box.first_high), (whole.first_low, whole.first_high), factor**share)
-    second = _drawn_in((box.second_low, box.second_high), (whole.second_low, whole.second_high), factor ** (1.0 - share))
-    return Box(*first, *second)
-
-
-def _drawn_in(ends: tuple[float, float], whole: tuple[float, float], factor: float) -> tuple[float, float]:
+def _drawn_in(ends: tuple[float, float], whole: tuple[float, float], factor: float, lines: int) -> tuple[float, float]:
     """Draw an interval in, to lines of the lattice that lie inside it; towards the map's own edge where it ends at one of them only."""
     low, high = ends
-    step = (whole[1] - whole[0]) / LATTICE
+    step = (whole[1] - whole[0]) / lines
     gone = (1.0 - factor) * (high - low)
     at_low, at_high = low <= whole[0], high >= whole[1]
     share = 0.0 if at_low and not at_high else 1.0 if at_high and not at_low else 0.5

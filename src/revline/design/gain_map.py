@@ -4,7 +4,7 @@ Each point is trimmed and linearised with its delays exact. A point without a tr
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from revline.analysis.linearize import linearize
 from revline.analysis.threads import Failure, Progress, run_each
 from revline.analysis.trim import Trim, find_trim
+from revline.design.best_gains import BestGains, best_gains
 from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals
 from revline.design.gain_columns import Ellipses, GainColumns, check_peak, find_ellipses, intersect_columns, peak_columns, stable_columns
 from revline.design.gain_region import GainRegion, find_gain_region
 from revline.design.loop_family import family_of_system
-from revline.design.sensitivity_contour import find_peaks
 from revline.errors import AnalysisError, InvalidInputError, NoTrimError, RevlineError
 from revline.system import DelaySystem, Variable, index_of
 from revline.values import make_read_only
@@ -31,9 +31,6 @@ COLUMNS = 81
 
 COMMON_COLUMNS = 129
 """Columns at which the gains of all points are intersected."""
-
-ZOOMS, ZOOM_COLUMNS = 2, 9
-"""How often the neighbourhood of the column with the largest ki is divided, and into how many columns."""
 
 FEW_STARTS = 1
 """Starts of a trim beside a neighbour's, whose branch is followed; where these find none, as many are tried as elsewhere."""
@@ -75,20 +72,6 @@ class GainGrid:
     def shape(self) -> tuple[int, int]:
         """How many values each axis has."""
         return self.first_values.size, self.second_values.size
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BestGains:
-    """Gains with the largest ki that the peak of the sensitivity allows; 1/ki is the integrated error after a step of load.
-
-    Attributes:
-        kp, ki: with the map's kd.
-        peak: of the sensitivity that a search over all frequencies finds there.
-    """
-
-    kp: float
-    ki: float
-    peak: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -219,7 +202,13 @@ class Design(NamedTuple):
 
 
 def find_gain_map(
-    system: DelaySystem, grid: GainGrid, design: Design | None = None, *, workers: int = 1, progress: Progress | None = None
+    system: DelaySystem,
+    grid: GainGrid,
+    design: Design | None = None,
+    *,
+    known: GainMap | None = None,
+    workers: int = 1,
+    progress: Progress | None = None,
 ) -> GainMap:
     """Find the gains at each point of a grid, and what all points have in common.
 
@@ -229,6 +218,7 @@ def find_gain_map(
         system: nonlinear, with its delays.
         grid: of operating points.
         design: derivative gain, bound of the sensitivity and signals.
+        known: map of the same signals and design, whose points are not solved again.
         workers: threads; more than one gain nothing where the system's equations are short, as the interpreter then is what takes the time.
         progress: told which part is done.
 
@@ -243,7 +233,8 @@ def find_gain_map(
     check_peak(design.peak)
     units = _check_axes(system, grid, design.wires)
     rows = [tuple((float(a), float(b)) for a in grid.first_values) for b in grid.second_values]
-    task = partial(_follow_row, system, grid, design)
+    solved = {point.place: point for point in known.points} if known is not None else {}
+    task = partial(_follow_row, system, grid, design, solved)
     outcomes = run_each(task, rows, lambda row: float(len(row)), workers=workers, progress=progress)
     points: list[MapPoint] = []
     for row, outcome in zip(rows, outcomes, strict=True):
@@ -288,13 +279,18 @@ def _unit(variables: Sequence[Variable], name: str) -> str:
 
 
 def _follow_row(
-    system: DelaySystem, grid: GainGrid, design: Design, row: tuple[tuple[float, float], ...], go_on: Progress
+    system: DelaySystem,
+    grid: GainGrid,
+    design: Design,
+    solved: Mapping[tuple[float, float], MapPoint],
+    row: tuple[tuple[float, float], ...],
+    go_on: Progress,
 ) -> list[MapPoint]:
     points: list[MapPoint] = []
     near: Trim | None = None
     for k, place in enumerate(row):
         go_on(k / len(row))
-        point = solve_point(system, grid, design, place, near)
+        point = solved[place] if place in solved else solve_point(system, grid, design, place, near)
         near = point.trim if isinstance(point, GainPoint) else near
         points.append(point)
     return points
@@ -355,24 +351,6 @@ def _with_gains(system: DelaySystem, design: Design, place: tuple[float, float],
         words = f"no kp and ki keep the peak of the sensitivity at or below {design.peak:g} here"
         reason = f"{words} with kd = {design.kd:g}; allow more, or change kd"
     return GainPoint(place=place, trim=trim, region=region, stable=stable, ellipses=ellipses, allowed=allowed, best=best, reason=reason)
-
-
-def best_gains(region: GainRegion, ellipses: Ellipses, allowed: GainColumns, peak: float) -> BestGains:
-    """Find the gains with the largest ki, dividing the neighbourhood of the best column again.
-
-    Args:
-        region: of one plant and kd.
-        ellipses: of the region.
-        allowed: gains that keep the peak, not empty.
-        peak: Ms.
-    """
-    width = float(allowed.kp[1] - allowed.kp[0])
-    kp, ki = allowed.highest
-    for _ in range(ZOOMS):
-        found = peak_columns(region, np.linspace(kp - width, kp + width, ZOOM_COLUMNS), peak, ellipses)
-        kp, ki = max((kp, ki), found.highest, key=lambda gains: gains[1])
-        width *= 2.0 / (ZOOM_COLUMNS - 1)
-    return BestGains(kp=kp, ki=ki, peak=float(find_peaks(region, kp, ki)))
 
 
 def _common(points: Sequence[GainPoint], columns: ColumnsOf) -> GainColumns | None:

@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from revline.analysis.threads import Failure, Progress, run_each
+from revline.design.best_gains import best_gains
 from revline.design.gain_columns import peak_columns
-from revline.design.gain_map import Design, GainMap, GainPoint, LostPoint, MapPoint, best_gains, solve_point
+from revline.design.gain_map import Design, GainMap, GainPoint, LostPoint, MapPoint, solve_point
 from revline.design.gain_schedule import GainSchedule, Scaling
 from revline.design.sensitivity_contour import find_peaks
 from revline.errors import InvalidInputError, NotConvergedError
