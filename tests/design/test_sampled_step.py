@@ -86,7 +86,7 @@ def test_on_a_model_it_diverges_beyond_the_margin() -> None:
         scaled = GAINS.scaled(**dict.fromkeys(("kp", "ki", "kd"), factor * margin.gain_margin))
         found = on_model(sampled(scaled, 0.02, low=-math.inf, high=math.inf))
         assert isinstance(found.run.outcome, ending)
-    assert found.samples.times[-1] <= found.run.times[-1]
+        assert found.samples.times[-1] <= found.run.times[-1]
 
 
 def test_noise_moves_a_linear_loop_in_proportion_and_does_not_touch_the_judgement() -> None:
