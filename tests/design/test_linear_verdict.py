@@ -52,6 +52,9 @@ def test_a_sampled_loop_is_judged_as_its_samples_see_it(trimmed: tuple[DelaySyst
     assert found.margins is not None
     assert found.margins.gain_rise is not None
     assert found.margins.gain_rise.gain_margin == pytest.approx(1.0715, abs=5e-4)
+    assert found.slow == ""
+    slow = judge_linear_system(*trimmed, replace(stable, sampling=FixedRate(period=0.03)))
+    assert "the controller samples every 0.03 s, longer than the plant's delay of 0.0228 s" in slow.slow
     crank = judge_linear_system(*trimmed, replace(stable, sampling=CrankSynchronous(angle=math.pi)))
     assert "with 2 poles outside the unit circle, as its samples see it; it would be stable below 0.99" in crank.warning
 

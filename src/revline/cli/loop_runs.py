@@ -216,6 +216,6 @@ def _result(
         warnings.append(f"whether the linear loop at the operating point is stable was not told: {error}")
     else:
         record |= verdict_fields(verdict)
-        warnings += [verdict.warning] if verdict.warning else []
+        warnings += [text for text in (verdict.warning, verdict.slow) if text]
     record |= {"controller": controller_fields(controller), "warnings": warnings}
     return LoopResult(run=run, sampled=sampled, record=record, warnings=tuple(warnings))

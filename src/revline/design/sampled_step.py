@@ -16,6 +16,7 @@ from revline.design.closed_loop import OF_LINEAR_MODEL, SPEED_BY_THROTTLE, LoopS
 from revline.design.linear_plant import held_plant, step_limit
 from revline.design.loop_run import Limits, LoopFrame, LoopRun, LoopTask, describe_form, judge_loop, refuse_creep
 from revline.design.loop_simulation import HALVINGS, LEAST_STEPS, LoopRecord, LoopTrace, Mesh, check_steps, keep_finite
+from revline.design.outcome import LimitCycle
 from revline.design.pid_controller import Continuous, PidController
 from revline.design.sampled_loop import Disturbance, SampledRun, SampledTask, run_sampled_loop, with_command
 from revline.design.scheduled_pid import AnyController, ScheduledController
@@ -344,11 +345,24 @@ def _judge(loop: _Loop, frame: LoopFrame, task: LoopTask, found: _Outcome) -> tu
         task = replace(task, criteria=replace(task.criteria, rest=left / abs(task.command)))
         notes.append(f"at rest the output still moves by {left:.3g} {law.gains.input_unit}: the controller's resolution leaves that")
     run = _judge_cycles(frame, task, found.record, system)
+    notes += _notes_of(run, found.samples)
     at_limit = float(run.control[-1]) in run.limits
     if law.gains.ki != 0.0 and not at_limit:
         spare = law.dead_zone + law.measurement_step + left
         run = refuse_creep(run, run.target, task.criteria, spare=spare)
     return run, tuple(notes)
+
+
+def _notes_of(run: LoopRun, samples: Samples) -> list[str]:
+    """Say how unlike cycles are, and whether outputs came too late."""
+    notes, found = [], run.outcome
+    if isinstance(found, LimitCycle):
+        spread = max((found.low_spread + found.high_spread) / (found.high - found.low), found.period_spread / found.period)
+        if spread > REPEATS[0]:
+            notes.append(f"cycles differ from one another by up to {100.0 * spread:.2g} %: samples fall differently into each")
+    if samples.overruns:
+        notes.append(f"{samples.overruns} outputs were not ready before the next sample; compute faster or sample more slowly")
+    return notes
 
 
 def _judge_cycles(frame: LoopFrame, task: LoopTask, record: LoopRecord, system: DelaySystem) -> LoopRun:
