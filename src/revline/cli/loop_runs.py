@@ -146,6 +146,7 @@ def _run_engine(controller: "AnyController", task: "LoopTask", options: LoopOpti
     law = replace(law, low=low, high=high)
     bounded = replace(controller, controller=law) if isinstance(controller, ScheduledController) else law
     local = local_law(bounded, point)
+    found: LoopRun | SampledStep
     if _is_sampled(law):
         found = run_sampled_step(plant, point, bounded, task, disturbance=options.disturbance)
     else:
