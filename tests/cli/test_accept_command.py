@@ -89,6 +89,9 @@ def test_what_would_be_dropped_is_refused_by_commands_that_know_the_plain_law(re
     assert "the controller has a derivative filter, which would be dropped here" in " ".join(done.err.split())
     assert "`loop`, `margins`, `accept` and `export`" in " ".join(done.err.split())
     assert revline("region", "--throttle", 25, "--mark", file).status == 2
+    sampled = revline("limit-cycle", controller(tmp_path, **MILD, sampling={"period_s": 0.01}), "--throttle", 25)
+    assert sampled.status == 2
+    assert "holds a controller that samples" in " ".join(sampled.err.split())
     weighted = controller(tmp_path, **MILD, setpoint_weight=0.5)
     assert revline("region", "--throttle", 25, "--mark", weighted).status == 0
 

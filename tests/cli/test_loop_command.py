@@ -254,6 +254,23 @@ def test_a_sampled_controller_on_a_model(revline: Command, tmp_path: Path) -> No
     assert placed["throttle_high_deg"] == 60.0
 
 
+def test_a_gain_schedule_runs_with_the_gains_of_each_sample(revline: Command, g1: Path, tmp_path: Path) -> None:
+    axes = [{"name": "engine_speed", "unit": "rad/s", "values": [100, 400]}, {"name": "load_torque", "unit": "N m", "values": [0, 40]}]
+    tables = {"kp": [[0.2, 0.2], [0.5, 0.5]], "ki": [[0.4, 0.4], [1.5, 1.5]], "kd": [[0, 0], [0, 0]]}
+    powers = {"kp": 0, "ki": 0, "kd": 0}
+    schedule = write_file(tmp_path, kp_unit="deg/(rad/s)", schedule={"axes": axes, **tables, "powers_of_first_axis": powers})
+    samples = tmp_path / "samples.csv"
+    record = json.loads(revline("loop", schedule, "--throttle", 25, "--step", 20, "--samples", samples, "--json").out)
+    assert (record["outcome"], record["scheduled"], record["linear_loop"]["stable"]) == ("settled", True, True)
+    rows = rows_of(samples)
+    for row in rows[:: len(rows) // 20]:
+        assert float(row["kp_deg_s_per_rad"]) == pytest.approx(0.2 + 0.3 * (float(row["speed_measured_rad_s"]) - 100.0) / 300.0)
+    assert record["controller"]["kp"] == pytest.approx(0.2 + 0.3 * (record["start_rad_s"] - 100.0) / 300.0)
+    refused = revline("loop", g1, schedule)
+    assert refused.status == 2
+    assert "holds a gain schedule over signals that a linear model does not have" in " ".join(refused.err.split())
+
+
 @pytest.mark.parametrize(
     ("entries", "arguments", "message"),
     [

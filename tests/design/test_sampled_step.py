@@ -86,7 +86,7 @@ def test_on_a_model_it_diverges_beyond_the_margin() -> None:
         scaled = GAINS.scaled(**dict.fromkeys(("kp", "ki", "kd"), factor * margin.gain_margin))
         found = on_model(sampled(scaled, 0.02, low=-math.inf, high=math.inf))
         assert isinstance(found.run.outcome, ending)
-    assert found.samples.times[-1] <= found.run.times[-1]
+        assert found.samples.times[-1] <= found.run.times[-1]
 
 
 def test_noise_moves_a_linear_loop_in_proportion_and_does_not_touch_the_judgement() -> None:
@@ -146,6 +146,19 @@ def test_a_step_of_the_load_is_measured_from_where_it_comes(engine: tuple[DelayS
         assert abs(error[run.times[after] > load.at + found.settling_time]).max() <= found.band
         assert run.first_part(load.at).times[-1] < load.at
         assert measure_load_response(run.first_part(5.0), load) is None
+
+
+def test_unlike_cycles_and_late_outputs_are_told(engine: tuple[DelaySystem, OperatingPoint]) -> None:
+    plant, point = engine
+    hunting = run_sampled_step(plant, point, sampled(period=0.03), LoopTask(command=60.0, until=30.0))
+    assert isinstance(hunting.run.outcome, LimitCycle)
+    assert "samples fall differently into each" in hunting.notes[0]
+    mild = PidGains(kp=0.3, ki=0.5, kd=0.0, input_unit="rad/s", output_unit="deg", rule="mild", designed_on="engine")
+    late = sampled(mild, sampling=CrankSynchronous(angle=math.pi, computation_delay=0.0115))
+    found = run_sampled_step(plant, point, late, LoopTask(command=60.0, until=10.0))
+    assert isinstance(found.run.outcome, Settled)
+    assert found.samples.overruns > 100
+    assert found.notes == (f"{found.samples.overruns} outputs were not ready before the next sample; compute faster or sample more slowly",)
 
 
 def test_what_a_sampled_loop_refuses(engine: tuple[DelaySystem, OperatingPoint]) -> None:

@@ -9,6 +9,7 @@ from revline.cli.controllers import own_limits
 from revline.cli.loop_runs import throttle_limits
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption, ThrottleOption
 from revline.cli.shell import Facts, Grid, Shell
+from revline.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from revline.analysis.trim import Trim
@@ -51,6 +52,7 @@ def limit_cycle(
     from revline.design.closed_loop import Limits, LoopTask, describe_outcome, operating_point
     from revline.design.hunting import refine_cycle, run_to_its_end
     from revline.design.outcome import LimitCycle
+    from revline.design.pid_controller import Continuous
     from revline.engine.lee1995 import lee1995_parameters
     from revline.io.controller_files import read_controller
     from revline.io.cycle_records import onset_record, run_record
@@ -60,6 +62,12 @@ def limit_cycle(
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "limit cycle")
     file = read_controller(controller)
+    if not isinstance(file.controller.sampling, Continuous):
+        message = (
+            f"{controller.name} holds a controller that samples; samples fall differently into each cycle, which then is no orbit of the "
+            "engine alone: `loop` runs it and tells the cycle with its spread, `accept` the gains at which it begins"
+        )
+        raise InvalidInputError(message)
     gains = file.feedback_gains
     plant = load_engine(engine)
     trim = find_trim(plant, inputs={"throttle": throttle, "load_torque": load})

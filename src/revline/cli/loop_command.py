@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 FilesArgument = Annotated[
     list[Path],
     typer.Argument(
-        metavar="[MODEL.json] CONTROLLER.json", help="Controller file; before it a model file, to run that instead of an engine."
+        metavar="[MODEL.json] CONTROLLER.json",
+        help="Controller file, or a gain map with a schedule; before it a model file, to run that instead of an engine.",
     ),
 ]
 TrimOption = Annotated[
@@ -93,9 +94,9 @@ def loop(
     """Close the speed loop with a controller, step its command, and tell how it ends: settled, hunting, diverged or stalled.
 
     The controller runs as its file says, set-point weights, filter, limits, anti-windup and sampling included, or sampled by --period or
-    --crank-angle: revline loop controller.json --throttle 25 --period 0.005 --noise 0.3. A model runs with its delay exact; with
-    --throttle it is placed at the engine's trim, else all values are deviations from it. Where the linear loop at the trim is unstable, a
-    warning names its margin.
+    --crank-angle: revline loop controller.json --throttle 25 --period 0.005 --noise 0.3. A gain map with a schedule runs too, each 5 ms.
+    A model runs with its delay exact; with --throttle it is placed at the engine's trim, else all values are deviations from it. Where
+    the linear loop at the trim is unstable, a warning names its margin.
     """
     from revline.design.closed_loop import describe_outcome
     from revline.design.sampled_loop import Disturbance

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from revline.cli.controllers import TimingChoice, own_limits, sample
+from revline.cli.controllers import TimingChoice, own_limits, read_any_controller, sample
 from revline.cli.options import DEFAULT_ENGINE
 from revline.cli.plants import EngineChoice, find_engine_trim
 from revline.errors import AnalysisError, InvalidInputError, NotConvergedError, out_of_range
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from revline.design.pid_controller import PidController
     from revline.design.sampled_loop import Disturbance
     from revline.design.sampled_step import SampledStep
+    from revline.design.scheduled_pid import AnyController
 
 WIDE_OPEN = 90.0
 """Largest throttle angle [deg]."""
@@ -59,12 +60,16 @@ def run_files(files: list[Path], task: "LoopTask", options: LoopOptions) -> Loop
         InvalidInputError: files and options make no loop.
         AnalysisError: the loop cannot be run, or its record does not decide.
     """
+    from revline.design.scheduled_pid import ScheduledController
+
     _check_files(files, options)
     controller = _controller(files[-1], options)
-    result = _run_model(files[0], controller, task, options) if len(files) == 2 else _run_engine(controller, task, options)
-    from revline.io.margin_records import controller_fields
-
-    return replace(result, record={**result.record, "controller": controller_fields(controller)})
+    if len(files) == 1:
+        return _run_engine(controller, task, options)
+    if isinstance(controller, ScheduledController):
+        message = f"{files[-1].name} holds a gain schedule over signals that a linear model does not have; run it on an engine"
+        raise InvalidInputError(message)
+    return _run_model(files[0], controller, task, options)
 
 
 def throttle_limits(wanted: tuple[float | None, float | None], saturation: float) -> tuple[float, float]:
@@ -98,11 +103,15 @@ def _check_files(files: list[Path], options: LoopOptions) -> None:
         raise InvalidInputError(WANTING)
 
 
-def _controller(path: Path, options: LoopOptions) -> "PidController":
-    """The file's controller, sampled as it or the options say; continuous where neither does."""
+def _controller(path: Path, options: LoopOptions) -> "AnyController":
+    """The file's controller, sampled as it or the options say; continuous where neither does. A schedule is sampled in any case."""
     from revline.design.pid_controller import Continuous
     from revline.io.controller_files import read_controller
+    from revline.io.json_files import read_json
+    from revline.io.schedule_files import is_schedule
 
+    if is_schedule(read_json(path, "controller file")):
+        return read_any_controller(path, options.timing)
     found, timing = read_controller(path).controller, options.timing
     if not isinstance(found.sampling, Continuous):
         if timing != TimingChoice(None, None, 0.0):
@@ -123,23 +132,26 @@ def _controller(path: Path, options: LoopOptions) -> "PidController":
     return found
 
 
-def _run_engine(controller: "PidController", task: "LoopTask", options: LoopOptions) -> LoopResult:
+def _run_engine(controller: "AnyController", task: "LoopTask", options: LoopOptions) -> LoopResult:
     from revline.design.closed_loop import operating_point, run_loop
     from revline.design.linear_verdict import judge_linear_system
-    from revline.design.sampled_step import run_sampled_step
+    from revline.design.sampled_step import local_law, run_sampled_step
+    from revline.design.scheduled_pid import ScheduledController, law_of
     from revline.engine.lee1995 import lee1995_parameters
 
     plant, trim = find_engine_trim(options.choice, WANTING)
-    wanted = tuple(option if option is not None else own for option, own in zip(options.limits, own_limits(controller), strict=True))
+    law, point = law_of(controller), operating_point(trim)
+    wanted = tuple(option if option is not None else own for option, own in zip(options.limits, own_limits(law), strict=True))
     low, high = throttle_limits((wanted[0], wanted[1]), lee1995_parameters(plant).throttle.saturation_angle)
-    law, point = replace(controller, low=low, high=high), operating_point(trim)
-    sampled: SampledStep | None = None
+    law = replace(law, low=low, high=high)
+    bounded = replace(controller, controller=law) if isinstance(controller, ScheduledController) else law
+    local = local_law(bounded, point)
+    found: LoopRun | SampledStep
     if _is_sampled(law):
-        sampled = run_sampled_step(plant, point, law, task, disturbance=options.disturbance)
-        run = sampled.run
+        found = run_sampled_step(plant, point, bounded, task, disturbance=options.disturbance)
     else:
-        run = run_loop(plant, point, law, task)
-    return _result(run, sampled, options.load, lambda: judge_linear_system(plant, trim, law), {})
+        found = run_loop(plant, point, law, task)
+    return _result(found, options.load, local, lambda: judge_linear_system(plant, trim, local))
 
 
 def _run_model(path: Path, controller: "PidController", task: "LoopTask", options: LoopOptions) -> LoopResult:
@@ -163,14 +175,12 @@ def _run_model(path: Path, controller: "PidController", task: "LoopTask", option
             "sampling by the crank's angle needs the speed itself; give --throttle, the angle [deg] of the trim that the model belongs to"
         )
         raise InvalidInputError(message)
-    sampled: SampledStep | None = None
     if _is_sampled(controller):
-        sampled = run_sampled_linear_step(file.model, controller, task, name=file.name, base=base, disturbance=options.disturbance)
-        run = sampled.run
-    else:
-        run = run_linear_loop(file.model, controller, task, name=file.name, base=base)
-    bandwidth = bandwidth_fields(file.model, controller) if sampled is None else {}
-    return _result(run, sampled, None, lambda: judge_linear_model(file.model, controller, speed=base[1]), bandwidth)
+        step = run_sampled_linear_step(file.model, controller, task, name=file.name, base=base, disturbance=options.disturbance)
+        return _result(step, None, controller, lambda: judge_linear_model(file.model, controller, speed=base[1]))
+    run = run_linear_loop(file.model, controller, task, name=file.name, base=base)
+    result = _result(run, None, controller, lambda: judge_linear_model(file.model, controller))
+    return replace(result, record={**result.record, **bandwidth_fields(file.model, controller)})
 
 
 def _is_sampled(controller: "PidController") -> bool:
@@ -188,18 +198,18 @@ def _place(choice: EngineChoice) -> tuple[float, float]:
 
 
 def _result(
-    run: "LoopRun",
-    sampled: "SampledStep | None",
-    load: "LoadStep | None",
-    judge: "Callable[[], LinearVerdict]",
-    more: Mapping[str, object],
+    found: "LoopRun | SampledStep", load: "LoadStep | None", controller: "PidController", judge: "Callable[[], LinearVerdict]"
 ) -> LoopResult:
+    from revline.design.sampled_step import SampledStep
     from revline.io.loop_records import loop_record, loop_warnings, verdict_fields
+    from revline.io.margin_records import controller_fields
     from revline.io.sampled_loop_records import sampled_fields
 
+    run = found.run if isinstance(found, SampledStep) else found
     if load is not None:  # what the load does to the speed is no overshoot of the command
         run = replace(run, overshoot=run.first_part(load.at).overshoot)
-    record = {**loop_record(run, load), **more, **({} if sampled is None else sampled_fields(sampled))}
+    sampled = replace(found, run=run) if isinstance(found, SampledStep) else None
+    record = {**loop_record(run, load), **({} if sampled is None else sampled_fields(sampled))}
     warnings = [*loop_warnings(run), *(() if sampled is None else sampled.notes)]
     try:
         verdict = judge()
@@ -207,5 +217,6 @@ def _result(
         warnings.append(f"whether the linear loop at the operating point is stable was not told: {error}")
     else:
         record |= verdict_fields(verdict)
-        warnings += [verdict.warning] if verdict.warning else []
-    return LoopResult(run=run, sampled=sampled, record={**record, "warnings": warnings}, warnings=tuple(warnings))
+        warnings += [text for text in (verdict.warning, verdict.slow) if text]
+    record |= {"controller": controller_fields(controller), "warnings": warnings}
+    return LoopResult(run=run, sampled=sampled, record=record, warnings=tuple(warnings))

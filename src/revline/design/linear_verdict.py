@@ -18,6 +18,7 @@ from revline.design.margins import Margins, find_margins
 from revline.design.open_loop import OpenLoop, open_loop_of_model, open_loop_of_system
 from revline.design.pid_controller import Continuous, PidController
 from revline.errors import InvalidInputError, NotConvergedError
+from revline.lti.state_space import position
 from revline.lti.transfer_function import TransferFunction
 from revline.system import DelaySystem
 
@@ -35,12 +36,14 @@ class LinearVerdict:
         margins: none where the loop gain does not fall at high frequency, so that it has no margins.
         stable_range: factors of all gains between which the loop is stable, nearest to 1; none where it is stable as it is, or where no
             factor mends it.
+        slow: what is to be said of a sampling period that is longer than the plant's delay; empty where it is not.
     """
 
     unstable_poles: float
     where: str
     margins: Margins | None
     stable_range: tuple[float, float] | None
+    slow: str = ""
 
     @property
     def stable(self) -> bool:
@@ -84,11 +87,13 @@ def judge_linear_system(
         AnalysisError: roots to the right may be without number.
     """
     model = linearize(plant, trim).model
-    sampled, speed = sampled_plant_of_system(model, wires=wires, name=plant.name), trim.output(wires.measurement)
-    static = _static_gain(sampled.transfer)
+    drive, measured = position(model.inputs, wires.drive), position(model.outputs, wires.measurement)
+    static = _static_gain(lambda s: np.asarray(model.transfer(s)[..., measured, drive]))
     if isinstance(controller.sampling, Continuous):
         return _judge_continuous(lambda law: open_loop_of_system(model, law, wires=wires, name=plant.name), controller, static)
-    return _judge_sampled(lambda law: find_discrete_margins(sampled, law, speed=speed).margins, controller, static)
+    sampled, speed = sampled_plant_of_system(model, wires=wires, name=plant.name), trim.output(wires.measurement)
+    found = _judge_sampled(lambda law: find_discrete_margins(sampled, law, speed=speed).margins, controller, static)
+    return replace(found, slow=_slow(controller.sampling.period_at(speed), float(max(model.lags, default=0.0))))
 
 
 def judge_linear_model(model: TransferFunction, controller: PidController, *, speed: float = 0.0) -> LinearVerdict:
@@ -108,7 +113,18 @@ def judge_linear_model(model: TransferFunction, controller: PidController, *, sp
         return _judge_continuous(lambda law: open_loop_of_model(model, law), controller, static)
     sampled = sampled_plant_of_model(model)
     given = {} if speed == 0.0 else {"speed": speed}
-    return _judge_sampled(lambda law: find_discrete_margins(sampled, law, **given).margins, controller, static)
+    found = _judge_sampled(lambda law: find_discrete_margins(sampled, law, **given).margins, controller, static)
+    return replace(found, slow=_slow(controller.sampling.period_at(speed), model.delay))
+
+
+def _slow(period: float, delay: float) -> str:
+    """What is to be said of a period that is longer than the plant's delay."""
+    if not 0.0 < delay < period:
+        return ""
+    return (
+        f"the controller samples every {period:.4g} s, longer than the plant's delay of {delay:.3g} s; the loop waits for the controller "
+        "more than for the plant: sample faster"
+    )
 
 
 def _static_gain(transfer: Transfer) -> float:

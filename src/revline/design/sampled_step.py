@@ -16,8 +16,10 @@ from revline.design.closed_loop import OF_LINEAR_MODEL, SPEED_BY_THROTTLE, LoopS
 from revline.design.linear_plant import held_plant, step_limit
 from revline.design.loop_run import Limits, LoopFrame, LoopRun, LoopTask, describe_form, judge_loop, refuse_creep
 from revline.design.loop_simulation import HALVINGS, LEAST_STEPS, LoopRecord, LoopTrace, Mesh, check_steps, keep_finite
+from revline.design.outcome import LimitCycle
 from revline.design.pid_controller import Continuous, PidController
 from revline.design.sampled_loop import Disturbance, SampledRun, SampledTask, run_sampled_loop, with_command
+from revline.design.scheduled_pid import AnyController, ScheduledController
 from revline.errors import InvalidInputError, LagError, NotSettledError, SimulationError, StepError, out_of_range
 from revline.lti.transfer_function import TransferFunction
 from revline.system import DelaySystem
@@ -48,6 +50,7 @@ class Samples:
         wanted: the output before all limits, shape (k,).
         terms: proportional, integral (after anti-windup) and derivative term, shape (k, 3).
         windup: how far the output wanted is beyond what its limits, that of its rate among them, allow, with its sign, shape (k,).
+        gains: kp, ki and kd that a schedule gave, shape (k, 3); without rows where the gains are fixed.
         overruns: outputs that were not ready before the next sample.
     """
 
@@ -58,6 +61,7 @@ class Samples:
     wanted: Floats
     terms: Floats
     windup: Floats
+    gains: Floats
     overruns: int
 
     def __post_init__(self) -> None:
@@ -110,7 +114,7 @@ class SampledStep:
         run: without noise and jitter, with the judgement; its terms are those of the last sample. Where noise or jitter end the loop
             before its time, the run with them.
         samples: of that run.
-        controller: what was sampled.
+        controller: what was sampled; of a scheduled one the controller with the gains of the place where it starts.
         disturbed: the run with noise and jitter; none where there are none, or the loop ends before its time.
         period: between samples at rest, in s.
         notes: what a reader should know.
@@ -135,8 +139,13 @@ class _Loop(NamedTuple):
 
     plant: DelaySystem
     point: OperatingPoint
-    controller: PidController
+    controller: AnyController
     wires: LoopSignals
+
+    @property
+    def law(self) -> PidController:
+        """The controller, with the gains of the place where it starts."""
+        return local_law(self.controller, self.point)
 
 
 class _Outcome(NamedTuple):
@@ -146,10 +155,22 @@ class _Outcome(NamedTuple):
     samples: Samples
 
 
+def local_law(controller: AnyController, point: OperatingPoint) -> PidController:
+    """Take a controller as it is about a point of rest: of a schedule the gains there.
+
+    Args:
+        controller: with fixed or with scheduled gains.
+        point: of rest; its inputs hold the schedule's second signal.
+    """
+    if not isinstance(controller, ScheduledController):
+        return controller
+    return controller.frozen_at(point.measurement, point.inputs[controller.schedule.names[1]])
+
+
 def run_sampled_step(
     plant: DelaySystem,
     point: OperatingPoint,
-    controller: PidController,
+    controller: AnyController,
     task: LoopTask,
     *,
     disturbance: Disturbance | None = None,
@@ -160,7 +181,7 @@ def run_sampled_step(
     Args:
         plant: nonlinear, with its delays.
         point: of rest, for example a trim.
-        controller: fixed-rate or crank-synchronous.
+        controller: fixed-rate or crank-synchronous; a scheduled one reads its second signal from the plant's input of that name.
         task: what is asked.
         disturbance: noise and jitter of a second run; none by default.
         wires: which signals close the loop.
@@ -215,7 +236,7 @@ def _run_step(loop: _Loop, task: LoopTask, mesh: Mesh, disturbance: Disturbance,
     whole = SampledStep(
         run=run,
         samples=_until(quiet.samples, run.times[-1]),
-        controller=loop.controller,
+        controller=loop.law,
         disturbed=None,
         period=period,
         notes=notes,
@@ -234,7 +255,7 @@ def _run_step(loop: _Loop, task: LoopTask, mesh: Mesh, disturbance: Disturbance,
 
 def _check_samples(loop: _Loop, task: LoopTask) -> float:
     """Refuse a continuous controller and more samples than can be waited for; give the period at rest."""
-    sampling = loop.controller.sampling
+    sampling = loop.law.sampling
     if isinstance(sampling, Continuous):
         message = "a continuous controller is not sampled; give it a sampling, or run it with run_loop()"
         raise InvalidInputError(message)
@@ -246,7 +267,7 @@ def _check_samples(loop: _Loop, task: LoopTask) -> float:
 
 
 def _frame(loop: _Loop, name: str) -> LoopFrame:
-    law = loop.controller
+    law = loop.law
     rest = float(loop.point.inputs[loop.wires.drive])
     return LoopFrame(name, law.gains, describe_form(law), Limits(law.low, law.high), start=loop.point.measurement, rest=rest)
 
@@ -294,6 +315,7 @@ def _outcome(run: SampledRun, step: float, failure: SimulationError | None) -> _
         wanted=wanted,
         terms=terms,
         windup=wanted - allowed,
+        gains=_gains(run),
         overruns=found.overruns,
     )
     last = np.maximum(np.searchsorted(found.times, run.times + 1e-9, side="right") - 1, 0)
@@ -301,27 +323,46 @@ def _outcome(run: SampledRun, step: float, failure: SimulationError | None) -> _
     return _Outcome(LoopRecord(keep_finite(trace), failure), samples)
 
 
+def _gains(run: SampledRun) -> Floats:
+    if not isinstance(run.controller, ScheduledController):
+        return np.empty((0, 3))
+    return np.column_stack([run.of_controller(name) for name in ("kp_used", "ki_used", "kd_used")])
+
+
 def _until(samples: Samples, end: float) -> Samples:
     """Leave out what came after the end of a record."""
     k = int(np.searchsorted(samples.times, end + 1e-9, side="right"))
-    names = ("times", "measurement", "command", "control", "wanted", "terms", "windup")
+    names = ("times", "measurement", "command", "control", "wanted", "terms", "windup", "gains")
     return replace(samples, **{name: getattr(samples, name)[:k] for name in names})
 
 
 def _judge(loop: _Loop, frame: LoopFrame, task: LoopTask, found: _Outcome) -> tuple[LoopRun, tuple[str, ...]]:
     """Judge a run; cycles into which samples fall differently may be somewhat unlike each other."""
-    law, system = loop.controller, with_command(loop.plant, loop.wires.measurement)
+    law, system = loop.law, with_command(loop.plant, loop.wires.measurement)
     left = _left_by_resolution(law, task, found.record.trace)
     notes: list[str] = []
     if left > task.criteria.rest * abs(task.command):
         task = replace(task, criteria=replace(task.criteria, rest=left / abs(task.command)))
         notes.append(f"at rest the output still moves by {left:.3g} {law.gains.input_unit}: the controller's resolution leaves that")
     run = _judge_cycles(frame, task, found.record, system)
+    notes += _notes_of(run, found.samples)
     at_limit = float(run.control[-1]) in run.limits
     if law.gains.ki != 0.0 and not at_limit:
         spare = law.dead_zone + law.measurement_step + left
         run = refuse_creep(run, run.target, task.criteria, spare=spare)
     return run, tuple(notes)
+
+
+def _notes_of(run: LoopRun, samples: Samples) -> list[str]:
+    """Say how unlike cycles are, and whether outputs came too late."""
+    notes, found = [], run.outcome
+    if isinstance(found, LimitCycle):
+        spread = max((found.low_spread + found.high_spread) / (found.high - found.low), found.period_spread / found.period)
+        if spread > REPEATS[0]:
+            notes.append(f"cycles differ from one another by up to {100.0 * spread:.2g} %: samples fall differently into each")
+    if samples.overruns:
+        notes.append(f"{samples.overruns} outputs were not ready before the next sample; compute faster or sample more slowly")
+    return notes
 
 
 def _judge_cycles(frame: LoopFrame, task: LoopTask, record: LoopRecord, system: DelaySystem) -> LoopRun:

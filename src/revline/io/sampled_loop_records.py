@@ -10,6 +10,9 @@ from revline.io.controller_surroundings import surroundings_record
 from revline.io.csv_text import format_csv
 from revline.io.loop_records import TERMS, format_loop, term_fields
 
+GAINS = (("kp", "deg_s_per_rad"), ("ki", "deg_per_rad"), ("kd", "deg_s2_per_rad"))
+"""Names and units of gains that a schedule gives at each sample."""
+
 
 def sampled_fields(step: SampledStep) -> Mapping[str, object]:
     """Give what a record of a loop holds more where the controller samples.
@@ -22,6 +25,7 @@ def sampled_fields(step: SampledStep) -> Mapping[str, object]:
         "sampling": surroundings_record(step.controller)["sampling"],
         "sampling_period_s": step.period,
         "equivalent_delay_s": step.equivalent_delay,
+        "scheduled": samples.gains.size > 0,
         "samples": samples.times.size,
         "overruns": samples.overruns,
         "saturated_share": samples.saturated_share(run.limits),
@@ -66,6 +70,8 @@ def format_samples(step: SampledStep) -> str:
         *((f"{name}_deg", samples.terms[:, k]) for k, name in enumerate(TERMS)),
         ("windup_deg", samples.windup),
     ]
+    if samples.gains.size:
+        columns += [(f"{name}_{unit}", samples.gains[:, k]) for k, (name, unit) in enumerate(GAINS)]
     gains = step.run.gains
     notes: dict[str, str | float] = {
         "plant": step.run.plant,
