@@ -58,9 +58,10 @@ def controllers(draw: Any) -> SampledController:
 @given(code=controllers(), measured=speeds, command=st.floats(0.0, 1000.0))
 def test_anti_windup_never_lets_the_integral_leave_its_bound(code: SampledController, measured: list[float], command: float) -> None:
     p: PidCode = code.parameters
-    low, high = integral_bounds(p, command)
     outputs = run(code, measured, command)
-    assert np.all((outputs[:, 3] >= low) & (outputs[:, 3] <= high))
+    for proportional, integral in outputs[:, 2:4]:
+        low, high = integral_bounds(p, command, proportional)
+        assert low <= integral <= high
     assert np.all((outputs[:, 0] >= LOW) & (outputs[:, 0] <= HIGH))
 
 
@@ -108,6 +109,19 @@ def test_each_term_is_the_textbooks() -> None:
             [REST + proportional + integral + derivative] * 2 + [proportional, integral, derivative, value], rel=1e-12
         )
         before = weighted
+
+
+@pytest.mark.parametrize("kind", list(AntiWindup))
+def test_a_set_point_weight_of_none_makes_no_jump_however_large_the_command(kind: AntiWindup) -> None:
+    """The integral begins far below what it will be at rest; nothing may lift it there at once, neither up nor back down."""
+    tracking = 0.5 if kind is AntiWindup.BACK_CALCULATION else None
+    code = make(setpoint_weight=0.0, anti_windup=kind, tracking_time=tracking)
+    first = run(code, [SPEED], command=SPEED + 60.0)[0]
+    assert first[0] == pytest.approx(REST + C2D.ki * PERIOD * 60.0)
+    p, count = code.parameters, len(code.states)
+    rested = (C2D.kp * 60.0 + 50.0, 0.0, -(SPEED + 60.0), REST + 50.0, SPEED + 60.0, SPEED + 60.0, 0.0)
+    back = code.update(p, rested, (SPEED + 60.0,), (SPEED,), (PERIOD,))[count]
+    assert back == pytest.approx(REST + 50.0 - C2D.ki * PERIOD * 60.0)
 
 
 def test_back_calculation_follows_what_the_limits_take_with_the_tracking_time() -> None:

@@ -104,10 +104,14 @@ def error_beyond(p: PidCode, command: float, measurement: float) -> float:
 
 
 @equation
-def integral_bounds(p: PidCode, command: float) -> tuple[float, float]:
-    """Range of the integral: at rest, where the other terms are none but for the set-point weight's, it spans the output's limits."""
-    offset = p.rest_output + p.kp * (p.setpoint_weight - 1.0) * (command - p.rest_command)
-    return p.low - offset, p.high - offset
+def integral_bounds(p: PidCode, command: float, proportional: float) -> tuple[float, float]:
+    """Range of the integral: what spans the output's limits with the present proportional term, or with that at rest, or lies between.
+
+    At rest the other terms are none but for the set-point weight's. An integral beyond serves neither.
+    """
+    resting = proportional_term(p, command, 0.0)
+    lowest, highest = np.minimum(proportional, resting), np.maximum(proportional, resting)
+    return p.low - p.rest_output - highest, p.high - p.rest_output - lowest
 
 
 @equation
@@ -128,7 +132,7 @@ def update(p: PidCode, xd: Vector, y: Vector, r: Vector, t: Vector) -> Vector:
     before = p.rest_output + proportional + integral + derivative
     wish = good * (p.ki * period * error)
     step = choose(p.clamping, limit(wish, np.minimum(0.0, low - before), np.maximum(0.0, high - before)), wish)
-    smallest, largest = integral_bounds(p, command)
+    smallest, largest = integral_bounds(p, command, proportional)
     integral = limit(integral + step, smallest, largest)
     wanted = p.rest_output + proportional + integral + derivative
     allowed = limit(wanted, low, high)
@@ -149,7 +153,7 @@ def start(p: PidCode, y: Vector, r: Vector, u: Vector) -> Vector:
     """States from which the first output is the one given, where the command stands still."""
     measurement = quantise(p.measurement_quantised, p.measurement_step, p.rounding, y[0])
     proportional = proportional_term(p, r[0], error_beyond(p, r[0], measurement))
-    smallest, largest = integral_bounds(p, r[0])
+    smallest, largest = integral_bounds(p, r[0], proportional)
     integral = limit(u[0] - p.rest_output - proportional, smallest, largest)
     return integral, 0.0, p.derivative_weight * r[0] - measurement, u[0], y[0], r[0], 0.0
 
