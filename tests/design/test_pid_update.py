@@ -12,7 +12,7 @@ from revline.design.controller import PidGains
 from revline.design.pid_controller import AntiWindup, PidController
 from revline.design.pid_update import PidCode, integral_bounds, sampled_pid
 from revline.errors import InvalidInputError
-from revline.sampled import FixedRate, SampledController
+from revline.sampled import CrankSynchronous, FixedRate, SampledController
 from tests.design.controllers import C2D
 
 PERIOD = 0.01
@@ -131,6 +131,17 @@ def test_back_calculation_follows_what_the_limits_take_with_the_tracking_time() 
     outputs = run(code, [SPEED - 20.0] * 2000)
     excess = outputs[-1, 1] - HIGH
     assert excess == pytest.approx(C2D.ki * 80.0 * tracking, rel=1e-9)
+
+
+def test_back_calculation_does_not_overshoot_where_the_crank_turns_slowly() -> None:
+    """Samples 0.2 s apart, as at 16 rad/s, and a tracking time of 0.05 s: the integral gives what the limit took, not four times that."""
+    code = make(anti_windup=AntiWindup.BACK_CALCULATION, tracking_time=0.05, sampling=CrankSynchronous(angle=math.pi))
+    p, count = code.parameters, len(code.states)
+    xd = code.start(p, (SPEED,), (SPEED,), (REST,))
+    result = code.update(p, xd, (SPEED,), (SPEED + 60.0,), (0.2,))
+    wanted, proportional, integral = result[count + 1 : count + 4]
+    assert wanted > HIGH
+    assert REST + proportional + integral == pytest.approx(HIGH)
 
 
 def test_the_rate_is_limited_and_quantisation_is_to_the_nearest_step() -> None:

@@ -136,7 +136,8 @@ def update(p: PidCode, xd: Vector, y: Vector, r: Vector, t: Vector) -> Vector:
     integral = limit(integral + step, smallest, largest)
     wanted = p.rest_output + proportional + integral + derivative
     allowed = limit(wanted, low, high)
-    integral = limit(integral + p.tracking_rate * period * (allowed - wanted), smallest, largest)
+    follow = np.minimum(p.tracking_rate * period, 1.0)  # a slow crank may sample more rarely than the tracking time
+    integral = limit(integral + follow * (allowed - wanted), smallest, largest)
 
     missing = (1.0 - good) * np.minimum(missing + 1.0, p.hold_samples + 1.0)
     lost = limit(missing - p.hold_samples, 0.0, 1.0)
