@@ -165,6 +165,19 @@ def test_a_sensor_that_is_lost_is_held_then_the_output_is_safe_and_it_comes_back
     assert outputs[8, 0] != 10.0
 
 
+@pytest.mark.parametrize("place", [0, 1, 2])
+@pytest.mark.parametrize("missing", [math.nan, math.inf, -math.inf])
+def test_a_start_without_a_number_is_one_at_rest(missing: float, place: int) -> None:
+    """A sensor that is not there when the controller takes over must not leave it without an output for ever."""
+    code = make(filter_time=0.02, measurement_step=0.1)
+    p, count = code.parameters, len(code.states)
+    values = [SPEED, SPEED, REST]
+    wanted = code.start(p, (SPEED,), (SPEED,), (REST,))
+    values[place] = missing
+    assert code.start(p, (values[0],), (values[1],), (values[2],)) == pytest.approx(wanted)
+    assert code.update(p, wanted, (SPEED,), (SPEED,), (PERIOD,))[count] == pytest.approx(REST)
+
+
 def test_the_dead_zone_leaves_small_errors_alone() -> None:
     outputs = run(make(dead_zone=2.0), [SPEED + 0.5] * 5, command=SPEED + 1.0)
     assert np.array_equal(outputs[:, 2:4], np.zeros((5, 2)))

@@ -151,12 +151,13 @@ def update(p: PidCode, xd: Vector, y: Vector, r: Vector, t: Vector) -> Vector:
 
 @equation
 def start(p: PidCode, y: Vector, r: Vector, u: Vector) -> Vector:
-    """States from which the first output is the one given, where the command stands still."""
-    measurement = quantise(p.measurement_quantised, p.measurement_step, p.rounding, y[0])
-    proportional = proportional_term(p, r[0], error_beyond(p, r[0], measurement))
-    smallest, largest = integral_bounds(p, r[0], proportional)
-    integral = limit(u[0] - p.rest_output - proportional, smallest, largest)
-    return integral, 0.0, p.derivative_weight * r[0] - measurement, u[0], y[0], r[0], 0.0
+    """States from which the first output is the one given, where the command stands still; what is no number counts as at rest."""
+    trusted, command, output = trust(y[0], p.rest_command), trust(r[0], p.rest_command), trust(u[0], p.rest_output)
+    measurement = quantise(p.measurement_quantised, p.measurement_step, p.rounding, trusted)
+    proportional = proportional_term(p, command, error_beyond(p, command, measurement))
+    smallest, largest = integral_bounds(p, command, proportional)
+    integral = limit(output - p.rest_output - proportional, smallest, largest)
+    return integral, 0.0, p.derivative_weight * command - measurement, output, trusted, command, 0.0
 
 
 def sampled_pid(controller: PidController, *, output: float, measurement: float, rounding: float = ROUNDING_DOUBLE) -> SampledController:

@@ -73,7 +73,7 @@ def scheduled_update(p: ScheduledCode, xd: Vector, y: Vector, r: Vector, t: Vect
 @equation
 def scheduled_start(p: ScheduledCode, y: Vector, r: Vector, u: Vector) -> Vector:
     """States from which the first output is the one given."""
-    return start(with_gains(p.law, scheduled_gains(p, y[0], r[1])), y, (r[0],), u)
+    return start(with_gains(p.law, scheduled_gains(p, trust(y[0], p.law.rest_command), r[1])), y, (r[0],), u)
 
 
 def scheduled_pid(schedule: GainSchedule, controller: PidController, *, output: float, measurement: float) -> SampledController:
