@@ -64,6 +64,7 @@ def test_a_form_that_is_none_is_refused(make: Any, message: str) -> None:
     ("changes", "message"),
     [
         ({"setpoint_weight": math.nan}, "set-point weight = nan is outside the finite numbers from 0 on"),
+        ({"hold_samples": 2.5}, "hold samples = 2.5 samples is outside the whole numbers from 0 on"),
         ({"filter_time": -0.1}, "filter time = -0.1 s is outside"),
         ({"low": 5.0, "high": 5.0}, "the lower limit of the output, 5 deg, is not below the upper, 5 deg; give low < high"),
         ({"rate_limit": 0.0}, "rate limit = 0 deg/s is outside the positive numbers"),

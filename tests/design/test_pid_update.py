@@ -12,7 +12,7 @@ from revline.design.controller import PidGains
 from revline.design.pid_controller import AntiWindup, PidController
 from revline.design.pid_update import PidCode, integral_bounds, sampled_pid
 from revline.errors import InvalidInputError
-from revline.sampled import FixedRate, SampledController
+from revline.sampled import CrankSynchronous, FixedRate, SampledController
 from tests.design.controllers import C2D
 
 PERIOD = 0.01
@@ -58,9 +58,10 @@ def controllers(draw: Any) -> SampledController:
 @given(code=controllers(), measured=speeds, command=st.floats(0.0, 1000.0))
 def test_anti_windup_never_lets_the_integral_leave_its_bound(code: SampledController, measured: list[float], command: float) -> None:
     p: PidCode = code.parameters
-    low, high = integral_bounds(p, command)
     outputs = run(code, measured, command)
-    assert np.all((outputs[:, 3] >= low) & (outputs[:, 3] <= high))
+    for proportional, integral in outputs[:, 2:4]:
+        low, high = integral_bounds(p, command, proportional)
+        assert low <= integral <= high
     assert np.all((outputs[:, 0] >= LOW) & (outputs[:, 0] <= HIGH))
 
 
@@ -110,6 +111,19 @@ def test_each_term_is_the_textbooks() -> None:
         before = weighted
 
 
+@pytest.mark.parametrize("kind", list(AntiWindup))
+def test_a_set_point_weight_of_none_makes_no_jump_however_large_the_command(kind: AntiWindup) -> None:
+    """The integral begins far below what it will be at rest; nothing may lift it there at once, neither up nor back down."""
+    tracking = 0.5 if kind is AntiWindup.BACK_CALCULATION else None
+    code = make(setpoint_weight=0.0, anti_windup=kind, tracking_time=tracking)
+    first = run(code, [SPEED], command=SPEED + 60.0)[0]
+    assert first[0] == pytest.approx(REST + C2D.ki * PERIOD * 60.0)
+    p, count = code.parameters, len(code.states)
+    rested = (C2D.kp * 60.0 + 50.0, 0.0, -(SPEED + 60.0), REST + 50.0, SPEED + 60.0, SPEED + 60.0, 0.0)
+    back = code.update(p, rested, (SPEED + 60.0,), (SPEED,), (PERIOD,))[count]
+    assert back == pytest.approx(REST + 50.0 - C2D.ki * PERIOD * 60.0)
+
+
 def test_back_calculation_follows_what_the_limits_take_with_the_tracking_time() -> None:
     """Held at a limit by a constant error, the integral tends to where excess times the tracking rate is the integral's own."""
     tracking = 0.5
@@ -117,6 +131,17 @@ def test_back_calculation_follows_what_the_limits_take_with_the_tracking_time() 
     outputs = run(code, [SPEED - 20.0] * 2000)
     excess = outputs[-1, 1] - HIGH
     assert excess == pytest.approx(C2D.ki * 80.0 * tracking, rel=1e-9)
+
+
+def test_back_calculation_does_not_overshoot_where_the_crank_turns_slowly() -> None:
+    """Samples 0.2 s apart, as at 16 rad/s, and a tracking time of 0.05 s: the integral gives what the limit took, not four times that."""
+    code = make(anti_windup=AntiWindup.BACK_CALCULATION, tracking_time=0.05, sampling=CrankSynchronous(angle=math.pi))
+    p, count = code.parameters, len(code.states)
+    xd = code.start(p, (SPEED,), (SPEED,), (REST,))
+    result = code.update(p, xd, (SPEED,), (SPEED + 60.0,), (0.2,))
+    wanted, proportional, integral = result[count + 1 : count + 4]
+    assert wanted > HIGH
+    assert REST + proportional + integral == pytest.approx(HIGH)
 
 
 def test_the_rate_is_limited_and_quantisation_is_to_the_nearest_step() -> None:

@@ -70,7 +70,8 @@ class DiscreteMargins:
     """Margins of a loop under a sampled controller, in the frequency of its samples, up to half the sampling frequency.
 
     Attributes:
-        margins: crossovers, peaks and the closed loop's roots outside the unit circle ("unstable").
+        margins: crossovers, peaks and the closed loop's roots outside the unit circle ("unstable"). A delay margin turns the loop at its
+            crossover: exact for whole periods, an estimate between them, for part of a period changes what the samples see otherwise.
         period: between samples, in s.
         equivalent_delay: half a period and the computation delay, in s: what a continuous loop needs more to be like this one.
         left_out: part of the sum over aliases that was left out, at most: the difference that half of them make.

@@ -97,6 +97,8 @@ class PidController:
         ):
             if not (math.isfinite(value) and value >= 0.0):
                 raise out_of_range(name, value, unit, "the finite numbers from 0 on", "give one, 0 for none")
+        if self.hold_samples != int(self.hold_samples):
+            raise out_of_range("hold samples", self.hold_samples, "samples", "the whole numbers from 0 on", "give one, 0 for none")
         if not self.low < self.high:
             message = f"the lower limit of the output, {self.low:g} {drive}, is not below the upper, {self.high:g} {drive}; give low < high"
             raise InvalidInputError(message, low=self.low, high=self.high)

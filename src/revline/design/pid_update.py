@@ -114,10 +114,14 @@ def error_beyond(p: PidCode, command: float, measurement: float) -> float:
 
 
 @equation
-def integral_bounds(p: PidCode, command: float) -> tuple[float, float]:
-    """Range of the integral: at rest, where the other terms are none but for the set-point weight's, it spans the output's limits."""
-    offset = p.rest_output + p.kp * (p.setpoint_weight - 1.0) * (command - p.rest_command)
-    return p.low - offset, p.high - offset
+def integral_bounds(p: PidCode, command: float, proportional: float) -> tuple[float, float]:
+    """Range of the integral: what spans the output's limits with the present proportional term, or with that at rest, or lies between.
+
+    At rest the other terms are none but for the set-point weight's. An integral beyond serves neither.
+    """
+    resting = proportional_term(p, command, 0.0)
+    lowest, highest = np.minimum(proportional, resting), np.maximum(proportional, resting)
+    return p.low - p.rest_output - highest, p.high - p.rest_output - lowest
 
 
 @equation
@@ -139,11 +143,12 @@ def update(p: PidCode, xd: Vector, y: Vector, r: Vector, t: Vector) -> Vector:
     before = p.rest_output + proportional + integral + derivative
     wish = good * (p.ki * period * error)
     step = choose(p.clamping, limit(wish, np.minimum(0.0, low - before), np.maximum(0.0, high - before)), wish)
-    smallest, largest = integral_bounds(p, command)
+    smallest, largest = integral_bounds(p, command, proportional)
     integral = limit(integral + step, smallest, largest)
     wanted = p.rest_output + proportional + integral + derivative
     allowed = limit(wanted, low, high)
-    integral = limit(integral + p.tracking_rate * period * (allowed - wanted), smallest, largest)
+    follow = np.minimum(p.tracking_rate * period, 1.0)  # a slow crank may sample more rarely than the tracking time
+    integral = limit(integral + follow * (allowed - wanted), smallest, largest)
 
     missing = (1.0 - good) * np.minimum(missing + 1.0, p.hold_samples + 1.0)
     lost = limit(missing - p.hold_samples, 0.0, 1.0)
@@ -166,7 +171,7 @@ def start(p: PidCode, y: Vector, r: Vector, u: Vector) -> Vector:
     trusted = trust(y[0], command)
     measurement = quantise(p.measurement_quantised, p.measurement_step, p.rounding, trusted)
     proportional = proportional_term(p, command, error_beyond(p, command, measurement))
-    smallest, largest = integral_bounds(p, command)
+    smallest, largest = integral_bounds(p, command, proportional)
     output = limit(trust(u[0], p.rest_output), p.low, p.high)
     integral = limit(output - p.rest_output - proportional, smallest, largest)
     missing = (1.0 - is_number(y[0])) * p.hold_samples
