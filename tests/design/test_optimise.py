@@ -183,11 +183,11 @@ def test_a_hardly_damped_plant_is_resolved_and_searched_beyond_the_first_gains(m
     plant = TransferFunction(numerator=(1.0,), denominator=(1.0, 0.02, 1.0), delay=0.1, input_unit="deg", output_unit="rad/s")
     tuned, grid = tuning_plant(plant, name="it"), make_grid(plant)
     best = optimise((grid,), find_scale(tuned), Bounds(ms=2.0), Objective.LOAD)
-    assert best.cost < 0.061
-    assert best.grids[0].horizon < 0.2 * grid.horizon
+    assert best.cost == pytest.approx(0.0603, rel=2e-3)  # by differential evolution too; ki at its other valley costs 2 % more
+    assert best.grids[0].horizon < 0.5 * grid.horizon
     assert best.accuracies[0].change < 0.01
     margins = find_margins(tuned.loop(best.gains(C2D)))
-    assert best.costs[0].sensitivity.max() == pytest.approx(margins.sensitivity.value, rel=1e-5)
+    assert best.costs[0].sensitivity.max() == pytest.approx(margins.sensitivity.value, rel=1e-6)
     assert margins.stable
     monkeypatch.setattr(module, "ROUNDS", 1)
     with pytest.raises(NotConvergedError, match="in 1 searches the best gains always needed another horizon, or were at 50 times"):

@@ -64,7 +64,8 @@ class UltimateComparison:
         sampling, plant = self.sampled.gain / exact - 1.0, self.bisection.gain / self.sampled.gain - 1.0
         of_relay = (
             f"the relay reads {_percent(relay / exact - 1.0)} off the exact gain: {_percent(harmonics)} because its square wave has "
-            f"harmonics and it looks every {1e3 * self.relay.task.period:g} ms (the exact model under the same relay), {of_hysteresis}{_percent(rest)} "
+            f"harmonics and it looks every {1e3 * self.relay.task.period:g} ms (the exact model under the same relay), {of_hysteresis}"
+            f"{_percent(rest)} "
             f"because the plant is not linear at an amplitude of {self.relay.amplitude:.3g} (mean shift {self.relay.mean_shift:+.3g}, "
             f"duty {self.relay.duty:.3f} where a linear plant has 0.5) and a period is read to one look"
         )
