@@ -126,6 +126,12 @@ def test_every_competitor_is_met_and_those_of_the_thesis_and_of_ziegler_and_nich
     assert ratios["c2d"] == pytest.approx(0.100, abs=0.005)
 
 
+def test_a_competitor_is_compared_with_the_filter_that_both_have() -> None:
+    plant, grid, scale = engine()
+    one = compare_with_competitors(plant, replace(grid, filter_time=0.01), scale, {"c2d": C2D}).competitors[0]
+    assert one.margins.sensitivity.value == pytest.approx(one.optimum.costs[0].sensitivity.max(), rel=1e-4)
+
+
 def test_an_optimum_lies_on_its_bound_and_a_looser_one_costs_what_it_says() -> None:
     _, grid, scale = engine()
     best, looser = (optimise((grid,), scale, Bounds(ms=ms), Objective.LOAD) for ms in (1.6, 1.61))

@@ -45,8 +45,16 @@ def parse_schedule(record: JsonRecord) -> GainSchedule:
         kp=kp,
         ki=ki,
         kd=kd,
-        scaling=Scaling(*(int(scaling.number(name)) for name in Scaling._fields)),
+        scaling=Scaling(*(_power(scaling, name) for name in Scaling._fields)),
     )
+
+
+def _power(record: JsonRecord, name: str) -> int:
+    value = record.number(name)
+    if value != int(value):
+        message = f'{record.where}: "{name}" is {value:g}, and a whole power is wanted, 0, 1 or 2'
+        raise InvalidInputError(message, key=name)
+    return int(value)
 
 
 def _table(record: JsonRecord, name: str, shape: tuple[int, int]) -> NDArray[np.float64]:
