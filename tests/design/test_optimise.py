@@ -126,6 +126,12 @@ def test_every_competitor_is_met_and_those_of_the_thesis_and_of_ziegler_and_nich
     assert ratios["c2d"] == pytest.approx(0.100, abs=0.005)
 
 
+def test_a_competitor_is_compared_with_the_filter_that_both_have() -> None:
+    plant, grid, scale = engine()
+    one = compare_with_competitors(plant, replace(grid, filter_time=0.01), scale, {"c2d": C2D}).competitors[0]
+    assert one.margins.sensitivity.value == pytest.approx(one.optimum.costs[0].sensitivity.max(), rel=1e-4)
+
+
 def test_an_optimum_lies_on_its_bound_and_a_looser_one_costs_what_it_says() -> None:
     _, grid, scale = engine()
     best, looser = (optimise((grid,), scale, Bounds(ms=ms), Objective.LOAD) for ms in (1.6, 1.61))
@@ -183,11 +189,11 @@ def test_a_hardly_damped_plant_is_resolved_and_searched_beyond_the_first_gains(m
     plant = TransferFunction(numerator=(1.0,), denominator=(1.0, 0.02, 1.0), delay=0.1, input_unit="deg", output_unit="rad/s")
     tuned, grid = tuning_plant(plant, name="it"), make_grid(plant)
     best = optimise((grid,), find_scale(tuned), Bounds(ms=2.0), Objective.LOAD)
-    assert best.cost < 0.061
-    assert best.grids[0].horizon < 0.2 * grid.horizon
+    assert best.cost == pytest.approx(0.0603, rel=2e-3)  # by differential evolution too; ki at its other valley costs 2 % more
+    assert best.grids[0].horizon < 0.5 * grid.horizon
     assert best.accuracies[0].change < 0.01
     margins = find_margins(tuned.loop(best.gains(C2D)))
-    assert best.costs[0].sensitivity.max() == pytest.approx(margins.sensitivity.value, rel=1e-5)
+    assert best.costs[0].sensitivity.max() == pytest.approx(margins.sensitivity.value, rel=1e-6)
     assert margins.stable
     monkeypatch.setattr(module, "ROUNDS", 1)
     with pytest.raises(NotConvergedError, match="in 1 searches the best gains always needed another horizon, or were at 50 times"):

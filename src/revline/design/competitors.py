@@ -90,5 +90,5 @@ def _compete(plant: TuningPlant, grid: LoopGrid, scale: Scale, name: str, gains:
         free=("kp", "ki", "kd") if gains.kd != 0.0 else ("kp", "ki"),
         starts=(Terms(gains.kp, gains.ki, gains.kd, 1.0),),
     )
-    margins = find_margins(plant.loop(optimum.gains(gains)))
+    margins = find_margins(plant.loop(optimum.gains(gains), filter_time=grid.filter_time))
     return Competitor(name=name, gains=gains, cost=cost, optimum=optimum, margins=margins)

@@ -27,7 +27,7 @@ Complexes = NDArray[np.complex128]
 Source = Callable[[Complexes], tuple[Complexes, Complexes]]
 
 SAMPLES = 4096
-"""Samples of the transform's period; half of them are the horizon."""
+"""Samples of the transform's period, to begin with; half of them are the horizon."""
 
 GRID = 900
 """Frequencies on which peaks are sought; between them a parabola."""
@@ -50,8 +50,14 @@ LARGEST_CHANGE = 1e-2
 LARGEST_BEYOND = 0.5
 """Loop gain at the highest frequency of the peaks: a peak beyond it is below 2."""
 
+SHORTER = 1e-7
+"""Where less than this part is left, half the horizon would do: an exponential's tail is then below 1e-3."""
+
 TRIES = 12
-"""How often a horizon is doubled or halved."""
+"""How often a grid is made anew."""
+
+MOST_SAMPLES = 32_768
+"""Most samples of the transform's period."""
 
 GAINS = ("kp", "ki", "kd", "b")
 """What may be chosen; b is the set-point weight."""
@@ -94,7 +100,9 @@ class LoopGrid:
     source: Source
 
     @classmethod
-    def make(cls, source: Source, horizon: Seconds, *, filter_time: Seconds, unstable_poles: int, poles: Complexes) -> "LoopGrid":
+    def make(
+        cls, source: Source, horizon: Seconds, *, filter_time: Seconds, unstable_poles: int, poles: Complexes, samples: int = SAMPLES
+    ) -> "LoopGrid":
         """Evaluate a plant for a horizon, its peaks also where poles near the axis are.
 
         Raises:
@@ -103,7 +111,7 @@ class LoopGrid:
         check_horizon(horizon)
         if not (math.isfinite(filter_time) and filter_time >= 0.0):
             raise out_of_range("filter time of the derivative", filter_time, "s", "0 and above", "give one, 0 for none")
-        s = np.asarray(1j * math.pi / horizon * np.arange(SAMPLES // 2 + 1), dtype=np.complex128)
+        s = np.asarray(1j * math.pi / horizon * np.arange(samples // 2 + 1), dtype=np.complex128)
         low, high = 1e-2 / horizon, 0.5 * float(abs(s[-1]))
         sharp = poles[np.abs(poles.real) < SHARP * poles.imag]
         about = (sharp.imag[:, None] + np.abs(sharp.real[:, None]) * np.array(ABOUT)).ravel()
@@ -127,9 +135,11 @@ class LoopGrid:
         """Time between samples of the responses."""
         return self.horizon / (self.s.size - 1)
 
-    def with_horizon(self, horizon: Seconds) -> "LoopGrid":
-        """The same plant for another horizon."""
-        return LoopGrid.make(self.source, horizon, filter_time=self.filter_time, unstable_poles=self.unstable_poles, poles=self.poles)
+    def other(self, horizon: Seconds, samples: int) -> "LoopGrid":
+        """The same plant for another horizon, with as many samples of the transform's period."""
+        return LoopGrid.make(
+            self.source, horizon, filter_time=self.filter_time, unstable_poles=self.unstable_poles, poles=self.poles, samples=samples
+        )
 
     def coarser(self) -> "LoopGrid":
         """The same with half the highest frequency, for an estimate of the error."""
@@ -209,7 +219,7 @@ def find_accuracy(grid: LoopGrid, terms: Terms) -> Accuracy:
 
 
 def fit_horizon(grid: LoopGrid, terms: Terms) -> LoopGrid:
-    """Double or halve a grid's horizon until the costs of a stable loop are worth something on it.
+    """Double or halve a grid's horizon, or take more samples, until the costs of a stable loop are worth something on it.
 
     Args:
         grid: of the plant; it comes back itself where it does.
@@ -218,21 +228,22 @@ def fit_horizon(grid: LoopGrid, terms: Terms) -> LoopGrid:
     Raises:
         NotConvergedError: the loop settles too slowly for how fast it is.
     """
-    factors: set[float] = set()
     found = find_accuracy(grid, terms)
     for _ in range(TRIES):
+        samples = 2 * (grid.s.size - 1)
         if found.tail > LARGEST_TAIL:
-            factors.add(2.0)
-        elif found.change > LARGEST_CHANGE or found.beyond > LARGEST_BEYOND:
-            factors.add(0.5)
-        else:
+            grid = grid.other(2.0 * grid.horizon, samples)
+        elif found.change <= LARGEST_CHANGE and found.beyond <= LARGEST_BEYOND:
             return grid
-        if len(factors) > 1:
+        elif found.tail < SHORTER:
+            grid = grid.other(0.5 * grid.horizon, samples)
+        elif samples < MOST_SAMPLES:
+            grid = grid.other(grid.horizon, 2 * samples)
+        else:
             break
-        grid = grid.with_horizon(grid.horizon * max(factors))
         found = find_accuracy(grid, terms)
     message = (
-        f"errors over {grid.horizon:g} s at {SAMPLES // 2} times: {found.tail:.2g} of the largest is left at the end (at most "
+        f"errors over {grid.horizon:g} s at {grid.s.size} times: {found.tail:.2g} of the largest is left at the end (at most "
         f"{LARGEST_TAIL:g}), half the frequencies change the integrals by {found.change:.2g} (at most {LARGEST_CHANGE:g}), and the loop's "
         f"gain is still {found.beyond:.2g} at the highest (at most {LARGEST_BEYOND:g}): the loop settles too slowly for how fast it is; "
         "damp it better, or filter the derivative"
@@ -307,10 +318,11 @@ def _peaks(grid: LoopGrid, terms: Terms) -> list[tuple[Floats, Floats]]:
         (complementary, of_complementary),
         (law * sensitivity, of_complementary),
     )
-    return [_binned(np.log(np.maximum(np.abs(value), 1e-300)), np.real(slope)) for value, slope in measures]
+    places = np.log(grid.omega)
+    return [_binned(places, np.log(np.maximum(np.abs(value), 1e-300)), np.real(slope)) for value, slope in measures]
 
 
-def _binned(logs: Floats, slopes: Floats) -> tuple[Floats, Floats]:
+def _binned(places: Floats, logs: Floats, slopes: Floats) -> tuple[Floats, Floats]:
     """Peak in each bin, and its slope, at the vertex of the parabola through the largest point and its neighbours."""
     edges = np.linspace(0, logs.size, BINS + 1).astype(int)
     values, gradients = np.empty(BINS), np.empty((BINS, slopes.shape[0]))
@@ -318,13 +330,22 @@ def _binned(logs: Floats, slopes: Floats) -> tuple[Floats, Floats]:
         top = edges[k] + int(np.argmax(logs[edges[k] : edges[k + 1]]))
         weights, first = np.array([1.0]), top
         if 0 < top < logs.size - 1 and logs[top] >= max(logs[top - 1], logs[top + 1]):
-            bend = logs[top - 1] - 2.0 * logs[top] + logs[top + 1]
-            x = 0.5 * (logs[top - 1] - logs[top + 1]) / bend if bend < 0.0 else 0.0
-            weights, first = np.array([0.5 * x * (x - 1.0), 1.0 - x * x, 0.5 * x * (x + 1.0)]), top - 1
+            weights, first = _vertex(places[top - 1 : top + 2], logs[top - 1 : top + 2]), top - 1
         part = slice(first, first + weights.size)
         values[k] = math.exp(min(float(weights @ logs[part]), 700.0))
         gradients[k] = values[k] * (slopes[:, part] @ weights)
     return values, gradients
+
+
+def _vertex(x: Floats, y: Floats) -> Floats:
+    """Weights of three values, the middle one not the least, that give the parabola through them at its vertex."""
+    rise, fall = np.diff(y) / np.diff(x)
+    bend = (fall - rise) / (x[2] - x[0])
+    at = 0.5 * (x[0] + x[1] - rise / bend) if bend < 0.0 else x[1]
+    a, b, c = at - x
+    return np.array(
+        [b * c / ((x[0] - x[1]) * (x[0] - x[2])), a * c / ((x[1] - x[0]) * (x[1] - x[2])), a * b / ((x[2] - x[0]) * (x[2] - x[1]))]
+    )
 
 
 def _is_stable(grid: LoopGrid, terms: Terms) -> bool:

@@ -39,6 +39,9 @@ ROUGH, STEPS = 40, 60
 """Steps of each search, and of the last one from the best of them."""
 
 
+ASIDE = (0.7, 1.4)
+"""From the best place the search goes on with ki by these factors aside: an integral of absolute values has many small valleys."""
+
 ROUNDS = 6
 """Searches at most until the horizons suit the best gains and these are inside what is looked at."""
 
@@ -165,9 +168,13 @@ def _optimise(problem: Problem, starts: Sequence[Terms]) -> Optimum:
     if not kept:
         raise _infeasible(problem, ends)
     best = min(kept, key=lambda end: end.cost)
+    asides = [best.place * np.where(np.array(problem.free) == GAINS.index("ki"), factor, 1.0) for factor in ASIDE]
+    kept += [end for begin in asides for end in _search(problem, begin, steps=ROUGH, accuracy=1e-6) if end.violation <= FEASIBLE]
+    best = min(kept, key=lambda end: end.cost)
     alike = sum(end.cost <= (1.0 + AGREE) * best.cost for end in kept)
     best = min([best, *_search(problem, best.place, steps=STEPS, accuracy=1e-10)], key=lambda end: (end.violation > FEASIBLE, end.cost))
     active, residual = _conditions(problem, best)
+    searches = len(begins) + len(asides)
     return Optimum(
         terms=problem.unpack(best.place),
         cost=best.cost,
@@ -176,8 +183,8 @@ def _optimise(problem: Problem, starts: Sequence[Terms]) -> Optimum:
         accuracies=tuple(find_accuracy(grid, problem.unpack(best.place)) for grid in grids),
         active=active,
         residual=residual,
-        agreement=alike / len(begins),
-        searches=len(begins),
+        agreement=alike / searches,
+        searches=searches,
         evaluations=problem.evaluations,
     )
 
