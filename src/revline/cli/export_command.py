@@ -32,7 +32,9 @@ FormatOption = Annotated[
 ]
 FolderOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write into; made where it is missing.")]
 PrecisionOption = Annotated[Literal["double", "float"], typer.Option("--precision", help="Type of the numbers in C.")]
-NameOption = Annotated[str, typer.Option("--name", metavar="NAME", help="Begins the names of files and functions.")]
+NameOption = Annotated[
+    str, typer.Option("--name", metavar="NAME", help="Begins the names of files and functions: lower-case letters, digits and underscores.")
+]
 PeriodOption = Annotated[
     float | None, typer.Option("--period", metavar="S", help="Sampling period [s], where the file names none; 0.005 by default.")
 ]

@@ -37,7 +37,10 @@ ShareOption = Annotated[
 ]
 FloorOption = Annotated[float, typer.Option("--floor-ki", metavar="KI", help="With --fixed: smallest ki at all points [deg/(rad/s)/s].")]
 BoxKdOption = Annotated[
-    str, typer.Option("--box-kd", metavar="KD,..", help="With --fixed: further kd to seek the box at; the floor stays that of --kd.")
+    str,
+    typer.Option(
+        "--box-kd", metavar="KD,..", help="With --fixed: further kd [deg s/(rad/s)] to seek the box at; the floor stays that of --kd."
+    ),
 ]
 ProveOption = Annotated[
     float | None,

@@ -32,8 +32,14 @@ SparkOption = Annotated[
     float | None,
     typer.Option("--spark", metavar="DEG", help="Set-point of the spark [deg from best torque]; else the engine's nominal one."),
 ]
-LowOption = Annotated[float | None, typer.Option("--spark-low", metavar="DEG", help="Lower limit of the spark [deg].")]
-HighOption = Annotated[float | None, typer.Option("--spark-high", metavar="DEG", help="Upper limit of the spark [deg].")]
+LowOption = Annotated[
+    float | None,
+    typer.Option("--spark-low", metavar="DEG", help="Lower limit of the spark [deg from best torque]; else as far from --spark as 0 is."),
+]
+HighOption = Annotated[
+    float | None,
+    typer.Option("--spark-high", metavar="DEG", help="Upper limit of the spark [deg from best torque]; else as far from --spark as 0 is."),
+]
 MsOption = Annotated[float, typer.Option("--ms", metavar="MS", help="Largest peak sensitivity of every loop, above 1 up to 3.")]
 ShareOption = Annotated[
     float, typer.Option("--fast-share", metavar="SHARE", help="Part of Ms - 1 that the spark loop takes by itself, above 0 and below 1.")

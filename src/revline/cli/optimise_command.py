@@ -37,7 +37,9 @@ MsOption = Annotated[
 MtOption = Annotated[float | None, typer.Option("--mt", metavar="PEAK", help="Largest peak of the complementary sensitivity, Mt.")]
 EffortOption = Annotated[
     float | None,
-    typer.Option("--effort", metavar="GAIN", help="Largest peak of |C S|; needs --filter-time where kd is free."),
+    typer.Option(
+        "--effort", metavar="GAIN", help="Largest peak of |C S| [deg/(rad/s) of an engine]; needs --filter-time where kd is free."
+    ),
 ]
 SetpointOption = Annotated[
     float | None, typer.Option("--setpoint-iae", metavar="S", help="Largest integrated error after a unit step of the command [s].")

@@ -52,7 +52,7 @@ TrimOption = Annotated[
 NaturalFrequencyOption = Annotated[
     float | None, typer.Option("--natural-frequency", metavar="RAD_S", help="Natural frequency of the closed loop [rad/s].")
 ]
-DampingOption = Annotated[float | None, typer.Option("--damping", metavar="RATIO", help="Damping ratio of the closed loop.")]
+DampingOption = Annotated[float | None, typer.Option("--damping", metavar="RATIO", help="Damping ratio of the closed loop [1].")]
 ClosedLoopLagOption = Annotated[
     float | None, typer.Option("--closed-loop-lag", metavar="S", help="Lag wanted in closed loop by simc and lambda [s].")
 ]
@@ -60,7 +60,10 @@ ReadingOption = Annotated[
     ReadingChoice | None, typer.Option("--reading", help="How a lag is read from the step response: by its tangent, or up to 63 %.")
 ]
 UltimateGainOption = Annotated[
-    float | None, typer.Option("--ultimate-gain", metavar="GAIN", help="Measured ultimate gain, with --ultimate-period; else exact.")
+    float | None,
+    typer.Option(
+        "--ultimate-gain", metavar="GAIN", help="Measured ultimate gain [deg/(rad/s) of an engine], with --ultimate-period; else exact."
+    ),
 ]
 UltimatePeriodOption = Annotated[
     float | None, typer.Option("--ultimate-period", metavar="S", help="Measured ultimate period [s], for example from `revline relay`.")

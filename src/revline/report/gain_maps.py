@@ -55,10 +55,10 @@ def plot_gain_map(found: GainMap) -> Figure:
         message = "no point of the map has gains that could be drawn; allow a higher peak of the sensitivity, or another kd"
         raise InvalidInputError(message)
     wide = min(found.grid.shape) > 1 and not found.lost
-    figure = new_figure(width=WIDE * (1.4 if wide else 1.0), height=HEIGHT * 1.15)
+    figure = new_figure(width=WIDE * (1.5 if wide else 1.0), height=HEIGHT * 1.15)
     panels = figure.subplots(1, 2 if wide else 1, squeeze=False)[0]
     if wide:
-        _draw_limits(panels[0], found)
+        _draw_limits(figure, panels[0], found)
     _draw_overlay(panels[-1], found)
     add_legend(figure, columns=3)
     finish_layout(figure)
@@ -73,14 +73,14 @@ def plot_schedule(result: ScheduleResult) -> Figure:
         result: the schedule with its evidence.
     """
     schedule = result.schedule
-    figure = new_figure(width=WIDE * 1.5, height=HEIGHT)
+    figure = new_figure(width=WIDE * 1.8, height=HEIGHT)
     panels = figure.subplots(1, 3)
     x, y = (Quantity(_plain(name), unit) for name, unit in zip(schedule.names, schedule.units, strict=True))
     for axes, name, table, unit in (
         (panels[0], "kp", schedule.kp, schedule.gain_unit),
         (panels[1], "ki", schedule.ki, f"{schedule.gain_unit}/s"),
     ):
-        draw_heat(axes, schedule.first, schedule.second, table)
+        draw_heat(figure, axes, schedule.first, schedule.second, table)
         axes.set_title(f"{name} ({unit})", fontsize=9.0)
         label_axes(axes, x, y)
     places = np.array([entry.place for entry in result.tried])
@@ -94,17 +94,20 @@ def plot_schedule(result: ScheduleResult) -> Figure:
     return figure
 
 
-def _draw_limits(axes: Axes, found: GainMap) -> None:
+def _draw_limits(figure: Figure, axes: Axes, found: GainMap) -> None:
     grid, unit = found.grid, found.gain_unit
-    draw_heat(axes, grid.first_values, grid.second_values, found.limits)
+    draw_heat(figure, axes, grid.first_values, grid.second_values, found.limits)
     label_axes(axes, Quantity(_plain(grid.first), found.units[0]), Quantity(_plain(grid.second), found.units[1]))
     axes.set_title(f"largest kp ({unit}), kd = {found.kd:g}", fontsize=9.0)
 
 
-def draw_heat(axes: Axes, x: Floats, y: Floats, values: Floats) -> None:
-    """Draw values over two axes as shades with lines of equal value, evenly spaced in their logarithm where all are positive.
+def draw_heat(figure: Figure, axes: Axes, x: Floats, y: Floats, values: Floats) -> None:
+    """Draw values over two axes as shades between lines of equal value, evenly spaced in their logarithm where all are positive.
+
+    A bar beside the axes tells the values: labels on the lines would be cut off where these leave the map.
 
     Args:
+        figure: that holds the axes.
         axes: to draw in.
         x: rising, shape (n,).
         y: rising, shape (m,).
@@ -115,25 +118,20 @@ def draw_heat(axes: Axes, x: Floats, y: Floats, values: Floats) -> None:
     apart = low > 0.0 and high > 3.0 * low
     levels = np.geomspace(low, high, len(SHADES) + 1) if apart else np.linspace(low, max(high, low + 1e-12), len(SHADES) + 1)
     axes.set_facecolor(PALE)
-    axes.contourf(x, y, shown, levels=levels, colors=SHADES, zorder=0.5, extend="neither")
-    lines = axes.contour(x, y, shown, levels=levels[1:-1], colors=BLACK, linewidths=0.8, zorder=2.5)
-    axes.clabel(lines, fmt="%.3g", fontsize=8.0)
+    filled = axes.contourf(x, y, shown, levels=levels, colors=SHADES, zorder=0.5, extend="neither")
+    axes.contour(x, y, shown, levels=levels[1:-1], colors=BLACK, linewidths=0.8, zorder=2.5)
+    figure.colorbar(filled, ax=axes, format="%.3g")
 
 
 def _draw_overlay(axes: Axes, found: GainMap) -> None:
-    first, last = found.found[0], found.found[-1]
-    chosen: list[GainPoint] = []
-    ends = ((k, j) for k in (0, found.grid.shape[0] - 1) for j in (0, found.grid.shape[1] - 1))
-    for k, j in ends:
-        point = found.points[k + j * found.grid.shape[0]]
-        if isinstance(point, GainPoint) and point not in chosen:
-            chosen.append(point)
+    chosen = _outermost(found)
     bottom = 0.02 * min(point.best.ki for point in found.found if point.best)
-    for point, look in zip(chosen or [first, last], MODELS, strict=False):
+    for point, look in zip(chosen, MODELS, strict=False):
         label = ", ".join(f"{value:g} {unit}" for value, unit in zip(point.place, found.units, strict=True))
         kp = _columns(point)
-        _outline(axes, stable_columns(point.region, kp), look._replace(dash=":", width=1.0), "", bottom)
-        _outline(axes, peak_columns(point.region, kp, found.peak, point.ellipses), look, label, bottom)
+        allowed = peak_columns(point.region, kp, found.peak, point.ellipses)
+        _outline(axes, stable_columns(point.region, kp), look._replace(dash=":", width=1.0), label if allowed.empty else "", bottom)
+        _outline(axes, allowed, look, label, bottom)
     if found.allowed is not None and not found.allowed.empty:
         common = found.allowed
         axes.fill_between(common.kp[common.column], np.maximum(common.low, bottom), np.maximum(common.high, bottom), color=GREY, alpha=0.5)
@@ -143,6 +141,15 @@ def _draw_overlay(axes: Axes, found: GainMap) -> None:
     axes.set_ylim(bottom=bottom)
     label_axes(axes, Quantity("kp", found.gain_unit), Quantity("ki", f"{found.gain_unit}/s"))
     axes.set_title(f"Ms at most {found.peak:g} (lines), stable (dots)", fontsize=9.0)
+
+
+def _outermost(found: GainMap) -> list[GainPoint]:
+    """Of the first and the last value of the second axis that have steady states, the first and the last point that has one."""
+    count = found.grid.shape[0]
+    rows = [[p for p in found.points[k : k + count] if isinstance(p, GainPoint)] for k in range(0, len(found.points), count)]
+    kept = [row for row in rows if row]
+    ends = [kept[0][0], kept[0][-1], kept[-1][0], kept[-1][-1]]
+    return [point for k, point in enumerate(ends) if point not in ends[:k]]
 
 
 def _columns(point: GainPoint) -> Floats:
