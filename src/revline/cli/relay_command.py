@@ -52,11 +52,4 @@ def relay(
 
 
 def _rows(found: "UltimateComparison") -> list[tuple[str, str, str, str]]:
-    points = (
-        ("exact linear model", found.exact.gain, found.exact.period),
-        ("the same under the relay", found.predicted.gain, found.predicted.period),
-        ("relay on the engine", found.relay.ultimate.gain, found.relay.period),
-        (f"exact, sampled every {1e3 * found.sampling_period:g} ms", found.sampled.gain, found.sampled.period),
-        ("bisection on the engine", found.bisection.gain, found.bisection.period),
-    )
-    return [(name, f"{gain:.4f}", f"{period:.5f}", f"{2.0 * math.pi / period:.3f}") for name, gain, period in points]
+    return [(name, f"{gain:.4f}", f"{period:.5f}", f"{2.0 * math.pi / period:.3f}") for name, gain, period in found.ways]

@@ -56,6 +56,17 @@ class UltimateComparison:
         return UltimatePoint(gain=middle, period=self.bisected.period, source=UltimateSource.BISECTION)
 
     @property
+    def ways(self) -> tuple[tuple[str, float, Seconds], ...]:
+        """Each way in words, with its gain and period in s."""
+        return (
+            ("exact linear model", self.exact.gain, self.exact.period),
+            ("the same under the relay", self.predicted.gain, self.predicted.period),
+            ("relay on the engine", self.relay.ultimate.gain, self.relay.period),
+            (f"exact, sampled every {1e3 * self.sampling_period:g} ms", self.sampled.gain, self.sampled.period),
+            ("bisection on the engine", self.bisection.gain, self.bisection.period),
+        )
+
+    @property
     def reasons(self) -> tuple[str, ...]:
         """What makes each way differ from the exact one, with its size."""
         exact, relay = self.exact.gain, self.relay.ultimate.gain

@@ -96,13 +96,6 @@ def _rivals_table(found: RivalsResult) -> TableBlock:
 def _ultimate(material: Material) -> Iterator[Block]:
     found = material.results.rivals
     for entry in found.ultimate:
-        points = (
-            ("exact linear model", entry.exact.gain, entry.exact.period),
-            ("the same under the relay", entry.predicted.gain, entry.predicted.period),
-            ("relay on the engine", entry.relay.ultimate.gain, entry.relay.period),
-            (f"exact, sampled every {1e3 * entry.sampling_period:g} ms", entry.sampled.gain, entry.sampled.period),
-            ("bisection on the engine", entry.bisection.gain, entry.bisection.period),
-        )
         yield Paragraph("The proportional gain at which the loop oscillates for ever is found in five ways, and they do not agree. Why:")
         yield TableBlock(
             caption="Ultimate gain and period",
@@ -111,7 +104,7 @@ def _ultimate(material: Material) -> Iterator[Block]:
                 Column(heading="Gain", unit=entry.unit, align=Align.RIGHT),
                 Column(heading="Period", unit="s", align=Align.RIGHT),
             ),
-            rows=tuple((name, f"{gain:.4f}", f"{period:.5f}") for name, gain, period in points),
+            rows=tuple((name, f"{gain:.4f}", f"{period:.5f}") for name, gain, period in entry.ways),
             notes=tuple(typographic(f"{reason[0].upper()}{reason[1:]}.") for reason in entry.reasons),
         )
     yield from _absent(found.missing)
