@@ -10,6 +10,7 @@ from revline.design.gain_box_limit import BoxLimit, Ruled
 from revline.design.gain_map import GainMap
 from revline.design.schedule_design import ScheduleResult
 from revline.io.headers import header
+from revline.io.schedule_files import schedule_tables
 
 Rows = list[tuple[str, float | str, str]]
 
@@ -107,14 +108,7 @@ def schedule_record(found: GainMap, result: ScheduleResult) -> Mapping[str, obje
     """
     schedule = result.schedule
     record: dict[str, object] = {
-        "axes": [
-            {"name": name, "unit": unit, "values": axis.tolist()}
-            for name, unit, axis in zip(schedule.names, schedule.units, (schedule.first, schedule.second), strict=True)
-        ],
-        "kp": schedule.kp.tolist(),
-        "ki": schedule.ki.tolist(),
-        "kd": schedule.kd.tolist(),
-        "powers_of_first_axis": schedule.scaling._asdict(),
+        **schedule_tables(schedule),
         "interpolation": "bilinear in the gains divided by these powers; held at the ends",
         "criterion": "largest ki at the peak ms_at_nodes",
         "ms_at_nodes": result.node_peak,

@@ -49,6 +49,22 @@ def parse_schedule(record: JsonRecord) -> GainSchedule:
     )
 
 
+def schedule_tables(schedule: GainSchedule) -> dict[str, object]:
+    """Give a schedule in the form that `parse_schedule` takes, but for its unit.
+
+    Args:
+        schedule: of gains.
+    """
+    axes = zip(schedule.names, schedule.units, (schedule.first, schedule.second), strict=True)
+    return {
+        "axes": [{"name": name, "unit": unit, "values": axis.tolist()} for name, unit, axis in axes],
+        "kp": schedule.kp.tolist(),
+        "ki": schedule.ki.tolist(),
+        "kd": schedule.kd.tolist(),
+        "powers_of_first_axis": schedule.scaling._asdict(),
+    }
+
+
 def _table(record: JsonRecord, name: str, shape: tuple[int, int]) -> NDArray[np.float64]:
     rows = record.entries.get(name)
     try:
