@@ -63,8 +63,12 @@ def test_a_failure_is_a_result_and_an_unstable_loop_is_not_run(revline: Command,
     assert record["passed"] is False
     assert record["runs"] == []
     assert "gain_reserve_db" not in record
-    text = revline("accept", controller(tmp_path, **C2D), "--throttle", 15, "--spread", 0, "--until", 3, "--crank-angle", 3.14159)
+    out = tmp_path / "crank.json"
+    options = ("--throttle", 15, "--spread", 0, "--until", 3, "--crank-angle", 3.14159, "--out", out)
+    text = revline("accept", controller(tmp_path, **C2D), *options)
     assert "failed" in text.out
+    battery = json.loads(out.read_text())["battery"]
+    assert (battery["jitter"], battery["jitter_unit"]) == (pytest.approx(0.01571, abs=1e-5), "rad")
     assert "- throttle 15, load_torque 0: " in text.out
 
 
