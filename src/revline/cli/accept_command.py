@@ -53,7 +53,7 @@ JitterOption = Annotated[
     typer.Option(
         "--jitter",
         metavar="S",
-        help="Standard deviation of each sample's shift [s; rad where sampled by the crank's angle]; 1e-4 s or 0.5 % of the angle by default.",
+        help="Standard deviation of each sample's shift [s; rad by the crank's angle]; else 1e-4 s or 0.5 % of the angle.",
     ),
 ]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of noise and jitter.")]
