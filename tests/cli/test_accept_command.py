@@ -37,6 +37,24 @@ def test_a_verdict_with_all_that_it_rests_on(revline: Command, tmp_path: Path) -
     assert record["controller"]["output_high"] == pytest.approx(79.46)
 
 
+def test_the_verdict_on_a_schedule_holds_the_schedule_and_no_gains_that_were_not_used(revline: Command, tmp_path: Path) -> None:
+    """Gains so high that nothing is run."""
+    axes = [
+        {"name": "engine_speed", "unit": "rad/s", "values": [100.0, 400.0]},
+        {"name": "load_torque", "unit": "N m", "values": [0.0, 40.0]},
+    ]
+    tables = {"kp": [[4.0, 4.0], [9.0, 9.0]], "ki": [[0.4, 0.4], [1.5, 1.5]], "kd": [[0.0, 0.0], [0.0, 0.0]]}
+    schedule = {"axes": axes, **tables, "powers_of_first_axis": {"kp": 1, "ki": 2, "kd": 0}}
+    options = ("--throttle", 15, "--load", 20, "--spread", 0, "--until", 2, "--json")
+    file = controller(tmp_path, kp_unit="deg/(rad/s)", schedule=schedule)
+    record = json.loads(revline("accept", file, *options).out)
+    assert (record["scheduled"], record["runs"]) == (True, [])
+    assert {key: record["controller"]["schedule"][key] for key in schedule} == schedule
+    assert not {"kp", "ki", "kd"} & set(record["controller"])
+    again = controller(tmp_path, **record["controller"])
+    assert json.loads(revline("accept", again, *options).out)["reasons"] == record["reasons"]
+
+
 def test_a_failure_is_a_result_and_an_unstable_loop_is_not_run(revline: Command, tmp_path: Path) -> None:
     done = revline("accept", controller(tmp_path, **C2D), "--throttle", 15, "--load", 20, "--json")
     assert done.status == 0
@@ -45,8 +63,12 @@ def test_a_failure_is_a_result_and_an_unstable_loop_is_not_run(revline: Command,
     assert record["passed"] is False
     assert record["runs"] == []
     assert "gain_reserve_db" not in record
-    text = revline("accept", controller(tmp_path, **C2D), "--throttle", 15, "--spread", 0, "--until", 3, "--crank-angle", 3.14159)
+    out = tmp_path / "crank.json"
+    options = ("--throttle", 15, "--spread", 0, "--until", 3, "--crank-angle", 3.14159, "--out", out)
+    text = revline("accept", controller(tmp_path, **C2D), *options)
     assert "failed" in text.out
+    battery = json.loads(out.read_text())["battery"]
+    assert (battery["jitter"], battery["jitter_unit"]) == (pytest.approx(0.01571, abs=1e-5), "rad")
     assert "- throttle 15, load_torque 0: " in text.out
 
 

@@ -185,6 +185,8 @@ def test_the_resolution_of_the_output_is_no_hunting() -> None:
 def test_a_step_longer_than_a_lag_is_no_fault_of_the_gains() -> None:
     with pytest.raises(StepError, match="longer than a lag during the run"):
         reserve_at_25(sampled(MILD), command=100.0, until=2.0, step=5e-3)
+    with pytest.raises(StepError, match="longer than a lag during the run"):
+        accept({"e": lee1995()}, sampled(MILD), [{"throttle": 25.0}], Battery(command=100.0, until=2.0, step=5e-3))
 
 
 def test_measures_are_those_of_the_record() -> None:

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     from revline.system import DelaySystem
 
 
+TIMER_JITTER, CRANK_JITTER = 1e-4, 0.005
+"""Standard deviation of a sample's shift: of a timer in s; of the crank as a part of the angle between samples."""
+
 ControllerArgument = Annotated[Path, typer.Argument(metavar="CONTROLLER.json", help="Controller file, or a gain map with a schedule.")]
 ThrottleListOption = Annotated[str, typer.Option("--throttle", metavar="A1,A2,..", help="Throttle angles of the trims [deg].")]
 LoadListOption = Annotated[str, typer.Option("--load", metavar="T1,T2,..", help="Load torques of the trims [N m]; each with each angle.")]
@@ -37,7 +40,12 @@ LoadStepOption = Annotated[float, typer.Option("--load-step", metavar="N_M", hel
 UntilOption = Annotated[float, typer.Option("--until", metavar="S", help="Length of each run [s]; the load steps at half of it.")]
 NoiseOption = Annotated[float, typer.Option("--noise", metavar="RAD_S", help="Standard deviation of the speed's noise [rad/s].")]
 JitterOption = Annotated[
-    float, typer.Option("--jitter", metavar="S", help="Standard deviation of each sample's shift [s; rad with --crank-angle].")
+    float | None,
+    typer.Option(
+        "--jitter",
+        metavar="S",
+        help="Standard deviation of each sample's shift [s; rad by the crank's angle]; else 1e-4 s or 0.5 % of the angle.",
+    ),
 ]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of noise and jitter.")]
 SpreadOption = Annotated[
@@ -70,7 +78,7 @@ def accept(
     load_step: LoadStepOption = 5.0,
     until: UntilOption = 10.0,
     noise: NoiseOption = 0.3,
-    jitter: JitterOption = 1e-4,
+    jitter: JitterOption = None,
     seed: SeedOption = 0,
     spread: SpreadOption = 0.1,
     max_overshoot: MaxOvershootOption = 0.3,
@@ -99,10 +107,11 @@ def accept(
     shell = Shell(json=json, quiet=quiet)
     check_plot(plot)
     shell.prepare_each((out, "acceptance"), (plot, "figure"))
-    battery = _battery((command, load_step, until), (noise, jitter, seed), (max_overshoot, max_settling, max_droop, min_reserve))
-    battery = _with_unstable(battery) if run_unstable else battery
     plant = load_engine(engine)
     judged = _controller(controller, plant, (period, crank_angle, computation_delay), (low, high), setpoint_weight)
+    shifts = _default_jitter(judged) if jitter is None else jitter
+    battery = _battery((command, load_step, until), (noise, shifts, seed), (max_overshoot, max_settling, max_droop, min_reserve))
+    battery = _with_unstable(battery) if run_unstable else battery
     plants = {plant.name: plant, **spread_engine(plant, spread)}
     with shell.progress("acceptance") as progress:
         found = accept(plants, judged, _places(throttle, load), battery, workers=workers, progress=progress)
@@ -136,6 +145,15 @@ def _battery(
         disturbance=Disturbance(noise=disturbance[0], jitter=disturbance[1], seed=disturbance[2]),
         requirements=wish if wishes[2] is None else replace(wish, droop=wishes[2]),
     )
+
+
+def _default_jitter(controller: "AnyController") -> float:
+    """Shift of samples: of a timer in s, of the crank in rad."""
+    from revline.design.scheduled_pid import law_of
+    from revline.sampled import CrankSynchronous
+
+    sampling = law_of(controller).sampling
+    return CRANK_JITTER * sampling.angle if isinstance(sampling, CrankSynchronous) else TIMER_JITTER
 
 
 def _with_unstable(battery: "Battery") -> "Battery":

@@ -80,7 +80,7 @@ class SampledTrajectory:
         commands: shape (k, n_commands).
         states: of the controller after each sample, shape (k, n_states).
         outputs: of the controller, shape (k, n_outputs).
-        overruns: how many outputs were not ready before the next sample.
+        overruns: how many outputs were not ready before the next sample; one that is ready at it is in time.
     """
 
     trajectory: Trajectory

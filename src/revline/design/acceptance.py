@@ -20,7 +20,7 @@ from revline.design.pid_controller import Continuous, PidController
 from revline.design.pid_update import sampled_pid
 from revline.design.sampled_loop import Disturbance, SampledTask, run_sampled_loop
 from revline.design.scheduled_pid import AnyController, ScheduledController, law_of
-from revline.errors import InvalidInputError, SimulationError, out_of_range
+from revline.errors import InvalidInputError, SimulationError, StepError, out_of_range
 from revline.system import DelaySystem
 from revline.values import make_read_only
 
@@ -269,6 +269,8 @@ def accept(
     Raises:
         InvalidInputError: there is no place, the controller is continuous, or its limits exclude a trim.
         NoTrimError: there is no trim at a place.
+        NotConvergedError: a loop moves so slowly that no run tells its reserve.
+        StepError: the battery's step is longer than a lag that a run comes to.
     """
     battery = battery or Battery()
     if not places or not plants:
@@ -356,6 +358,8 @@ def _run(
     )
     try:
         run = run_sampled_loop(plant, point, controller, task, wires=wires)
+    except StepError:  # the battery's fault, not the controller's
+        raise
     except SimulationError as error:
         return AcceptanceRun(case=case, measures=None, ended=str(error), reasons=(f"ends before its time: {error}",))
     wish = battery.requirements

@@ -6,8 +6,9 @@ from typing import Final
 
 from revline.design.acceptance import Acceptance, AcceptanceRun, LinearLoop
 from revline.design.gain_reserve import LARGEST, GainReserve
-from revline.design.scheduled_pid import ScheduledController, law_of
+from revline.design.scheduled_pid import AnyController, ScheduledController, law_of
 from revline.io.controller_files import controller_record
+from revline.io.schedule_files import scheduled_record
 from revline.sampled import CrankSynchronous
 
 SCHEMA: Final = "revline.acceptance/1"
@@ -39,7 +40,7 @@ def acceptance_record(found: Acceptance, *, engine: str, provenance: Mapping[str
         "passed": found.passed,
         **(_finite({"gain_reserve_db": found.gain_reserve_db}) if found.reserves else {}),
         "reasons": list(found.reasons),
-        "controller": controller_record(law_of(found.controller), provenance=provenance),
+        "controller": _controller_record(found.controller, provenance),
         "scheduled": isinstance(found.controller, ScheduledController),
         "battery": {
             "command_rad_s": battery.command,
@@ -56,6 +57,13 @@ def acceptance_record(found: Acceptance, *, engine: str, provenance: Mapping[str
         "gain_reserves": [_reserve_record(reserve) for reserve in found.reserves],
         "linear_loops": [_linear_record(linear) for linear in found.linear],
     }
+
+
+def _controller_record(controller: AnyController, provenance: Mapping[str, float | str]) -> Mapping[str, object]:
+    """What was judged: with its schedule in place of gains where it has one."""
+    if isinstance(controller, ScheduledController):
+        return scheduled_record(controller, provenance=provenance)
+    return controller_record(law_of(controller), provenance=provenance)
 
 
 def _run_record(run: AcceptanceRun) -> dict[str, object]:
