@@ -124,6 +124,13 @@ def compare_ultimate_points(
         raise AnalysisError(message)
     sampled = UltimatePoint(gain=begin * rise.gain_margin, period=2.0 * math.pi / rise.frequency, source=UltimateSource.EXACT)
     bisected = find_gain_reserve(plant, point, controller, ReserveSearch(command=command), place=dict(point.inputs), wires=wires)
+    if not (bisected.factor > 0.0 and math.isfinite(bisected.hunts) and math.isfinite(bisected.period)):
+        message = (
+            f"the bisection on {plant.name} found no gain between rest and hunting after a command of {command:g}: rest up to "
+            f"{bisected.factor * begin:.4g}, hunting from {bisected.hunts * begin:.4g} on with a period of {bisected.period:g} s; give a "
+            "smaller command"
+        )
+        raise AnalysisError(message)
     return UltimateComparison(
         exact=exact,
         sampled=sampled,
