@@ -126,6 +126,16 @@ def test_a_large_relay_shows_the_engines_nonlinearity() -> None:
             NotSettledError,
             r"the last 6 cycles under the relay differ by .* let it run longer than 1.8 s",
         ),
+        (
+            lambda: run_relay(lee1995(), operating_point(trim()), RelayTask(amplitude=1e-8, until=3.0)),
+            NotSettledError,
+            r"the output moves by .* under the relay, no more than its hysteresis or what rounding leaves at 240.799; give a larger relay",
+        ),
+        (
+            lambda: compare_ultimate_points(lee1995(), trim(), RelayTask(amplitude=0.5, until=4.0), command=1e6),
+            AnalysisError,
+            "finds no hunting of lee1995 after a step of 1e.06: .* give a smaller step",
+        ),
         (lambda: predict_relay(lambda s: 1.0 / (s + 1.0), 0.0, 1.0), InvalidInputError, "relay's amplitude = 0 is outside"),
         (
             lambda: predict_relay(lambda s: 1.0 / (s + 1.0), 1.0, 5.0),

@@ -44,6 +44,9 @@ HARMONICS = 400
 CYCLES = 6
 """So many of the last cycles are averaged, and must agree."""
 
+LOST = 1e-9
+"""An oscillation by less than this part of its level is lost in rounding."""
+
 REPEAT = 5e-3
 """They agree where periods and amplitudes differ by less than this part."""
 
@@ -126,8 +129,8 @@ class RelayExperiment:
     @property
     def ultimate(self) -> UltimatePoint:
         """By the describing function, from the amplitude as it is read off: the textbook's."""
-        inner = self.amplitude**2 - self.task.hysteresis**2
-        return UltimatePoint(gain=4.0 * self.task.amplitude / (math.pi * math.sqrt(inner)), period=self.period, source=UltimateSource.RELAY)
+        inner = math.sqrt(self.amplitude - self.task.hysteresis) * math.sqrt(self.amplitude + self.task.hysteresis)
+        return UltimatePoint(gain=4.0 * self.task.amplitude / (math.pi * inner), period=self.period, source=UltimateSource.RELAY)
 
     @property
     def gain_by_fundamental(self) -> float:
@@ -209,6 +212,12 @@ def _measure(found: SampledTrajectory, task: RelayTask, *, rest: float, level: f
     spans = [slice(int(a), int(b)) for a, b in pairwise(edges)]
     periods = np.diff(times[edges])
     swings = np.array([np.ptp(output[span]) / 2.0 for span in spans])
+    if not np.min(swings) > max(task.hysteresis, LOST * abs(level)):
+        message = (
+            f"the output moves by {float(np.min(swings)):.3g} under the relay, no more than its hysteresis or what rounding leaves at "
+            f"{level:g}; give a larger relay"
+        )
+        raise NotSettledError(message, swing=float(np.min(swings)))
     # a period is read to one sample, so its scatter by that is no sign of change
     unlike = max(0.0, np.ptp(periods) - 2.0 * task.period) / np.mean(periods)
     spread = float(max(unlike, np.ptp(swings) / np.mean(swings)))
@@ -280,5 +289,5 @@ def predict_relay(
     if not largest > hysteresis:
         message = f"the oscillation's amplitude {largest:g} is not above the hysteresis {hysteresis:g}"
         raise InvalidInputError(message, amplitude=largest)
-    gain = 4.0 * amplitude / (math.pi * math.sqrt(largest**2 - hysteresis**2))
+    gain = 4.0 * amplitude / (math.pi * math.sqrt(largest - hysteresis) * math.sqrt(largest + hysteresis))
     return RelayPrediction(period=2.0 * math.pi / omega, gain=gain, amplitude=largest)

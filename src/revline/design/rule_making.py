@@ -129,6 +129,14 @@ def _gains(plant: TuningPlant, rule: str, form: ParallelForm, details: Details) 
     )
 
 
+def tune_ziegler_nichols(plant: TuningPlant, _: Options) -> PidGains:
+    """PID of Ziegler and Nichols from the tangent, for dead times up to its rise time."""
+    tangent = plant.tangent
+    gains = tune_pid_ziegler_nichols(tangent, designed_on=plant.name)
+    lags.require_short_delay(lags.Lag(plant.static_gain, tangent.rise_time, tangent.dead_time), gains.rule)
+    return gains
+
+
 def from_lag(rule: str, tune: Callable[[lags.Lag], ParallelForm]) -> Callable[[TuningPlant, Options], PidGains]:
     """Make a rule of a function of a lag with delay, which is read from the step response."""
 

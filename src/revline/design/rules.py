@@ -11,7 +11,7 @@ from revline.design import rules_lag as lags
 from revline.design import rules_ultimate as ultimates
 from revline.design.controller import PidGains
 from revline.design.rule_making import CLOSED_LOOP_LAG, READING, STEP_RANGE, ULTIMATE, ULTIMATE_RANGE, Options, RuleOption, TuningRule
-from revline.design.rules_step import tune_pi_pole_placement, tune_pid_ziegler_nichols, tune_pid_ziegler_nichols_without_gain
+from revline.design.rules_step import tune_pi_pole_placement, tune_pid_ziegler_nichols_without_gain
 from revline.design.tuning_plant import TuningPlant, tuning_plant
 from revline.errors import InvalidInputError
 from revline.lti.transfer_function import TransferFunction
@@ -42,9 +42,9 @@ TUNING_RULES: Final = (
         name="ziegler-nichols",
         summary="PID from the tangent to the step response, kp = 1.2 T/(K L)",
         source=ZIEGLER_NICHOLS,
-        validity="stable plants whose tangent has a dead time",
+        validity="stable plants whose tangent has a dead time, up to its rise time",
         options=(),
-        tune=lambda plant, _: tune_pid_ziegler_nichols(plant.tangent, designed_on=plant.name),
+        tune=making.tune_ziegler_nichols,
     ),
     TuningRule(
         name="ziegler-nichols-p",

@@ -39,7 +39,7 @@ def tune_p_ziegler_nichols(plant: Lag) -> ParallelForm:
     Source:
         Ziegler and Nichols (1942), Transactions of the ASME 64, 759-768.
     """
-    _require_delay(plant, "ziegler-nichols-p")
+    require_short_delay(plant, "ziegler-nichols-p")
     return ParallelForm(plant.lag / (plant.gain * plant.delay), 0.0, 0.0)
 
 
@@ -52,7 +52,7 @@ def tune_pi_ziegler_nichols(plant: Lag) -> ParallelForm:
     Source:
         Ziegler and Nichols (1942), Transactions of the ASME 64, 759-768.
     """
-    _require_delay(plant, "ziegler-nichols-pi")
+    require_short_delay(plant, "ziegler-nichols-pi")
     return IdealForm(gain=0.9 * plant.lag / (plant.gain * plant.delay), integral_time=plant.delay / 0.3).to_parallel()
 
 
@@ -67,7 +67,7 @@ def tune_pi_cohen_coon(plant: Lag) -> ParallelForm:
     Source:
         Cohen and Coon (1953), Transactions of the ASME 75, 827-834.
     """
-    ratio = _require_delay(plant, "cohen-coon-pi")
+    ratio = require_short_delay(plant, "cohen-coon-pi")
     gain = (0.9 + ratio / 12.0) / (ratio * plant.gain)
     return IdealForm(gain=gain, integral_time=plant.delay * (30.0 + 3.0 * ratio) / (9.0 + 20.0 * ratio)).to_parallel()
 
@@ -83,7 +83,7 @@ def tune_pid_cohen_coon(plant: Lag) -> ParallelForm:
     Source:
         Cohen and Coon (1953), Transactions of the ASME 75, 827-834.
     """
-    ratio = _require_delay(plant, "cohen-coon")
+    ratio = require_short_delay(plant, "cohen-coon")
     return IdealForm(
         gain=(4.0 / 3.0 + ratio / 4.0) / (ratio * plant.gain),
         integral_time=plant.delay * (32.0 + 6.0 * ratio) / (13.0 + 8.0 * ratio),
@@ -209,7 +209,12 @@ def _require_positive_delay(plant: Lag, rule: str) -> None:
         raise InvalidInputError(message, delay=plant.delay)
 
 
-def _require_delay(plant: Lag, rule: str) -> float:
+def require_short_delay(plant: Lag, rule: str) -> float:
+    """Give delay over lag, for rules that were made for delays up to the lag.
+
+    Raises:
+        InvalidInputError: the delay is not positive or above the lag.
+    """
     _require_positive_delay(plant, rule)
     ratio = plant.delay / plant.lag
     if not ratio <= LARGEST_RATIO:

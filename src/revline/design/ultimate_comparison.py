@@ -136,7 +136,7 @@ def compare_ultimate_points(
     sampled = UltimatePoint(gain=begin * rise.gain_margin, period=2.0 * math.pi / rise.frequency, source=UltimateSource.EXACT)
     search = ReserveSearch(command=command, near=rise.gain_margin)
     bisected = find_gain_reserve(plant, point, controller, search, place=dict(point.inputs), wires=wires)
-    if bisected.ending is not Ending.HUNTS:
+    if bisected.ending is not Ending.HUNTS or bisected.factor == 0.0:
         gain = begin * min(bisected.hunts, LARGEST)
         message = (
             f"the bisection finds no hunting of {plant.name} after a step of {command:g}: at a gain of {gain:.4g} the loop"
