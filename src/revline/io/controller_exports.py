@@ -183,10 +183,13 @@ def _about(export: Export) -> Mapping[str, str]:
     gains, controller = export.law.gains, export.law
     about = {key: f"{value}" for key, value in export.provenance.items()}
     about |= {
-        "law": f"{LAW}; with weights {controller.setpoint_weight:g} and {controller.derivative_weight:g} of the command",
+        "law": (
+            f"{LAW}; with weights {controller.setpoint_weight:g} and {controller.derivative_weight:g} of the command, "
+            f"the derivative filtered with {controller.filter_time:g} s"
+        ),
         "rule": f"{gains.rule}, designed on {gains.designed_on}",
         "units": f"measurement and command in {gains.input_unit}, output in {gains.output_unit}, time in s",
-        "sampling": f"{export.sampling}",
+        "sampling": _sampling_words(export.sampling),
         "rest": f"output {export.rest[0]!r} {gains.output_unit}, measurement {export.rest[1]!r} {gains.input_unit}",
         "anti-windup": controller.anti_windup.value,
         "lost sensor": f"the last good measurement is kept for {controller.hold_samples} samples, then the output is safe_output",
@@ -199,6 +202,11 @@ def _about(export: Export) -> Mapping[str, str]:
     except InvalidInputError:  # another measurement than a speed, or an output without a range: there are no such units
         return about
     return {**about, "in engine computers' units": ", ".join(f"{key} {_short(value)}" for key, value in numbers.items())}
+
+
+def _sampling_words(sampling: Sampling) -> str:
+    step = f"{sampling.period!r} s" if isinstance(sampling, FixedRate) else f"{sampling.angle!r} rad of the crank"
+    return f"every {step}, the output {sampling.computation_delay!r} s later"
 
 
 def _short(value: float | str) -> str:
