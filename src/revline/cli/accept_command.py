@@ -11,6 +11,7 @@ from revline import __version__
 from revline.cli.controllers import HighOption, LowOption, SetpointWeightOption, TimingChoice, read_any_controller, surrounded
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, OutOption, QuietOption
 from revline.cli.shell import Facts, Grid, Shell
+from revline.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from revline.design.acceptance import Acceptance, Battery
@@ -146,9 +147,13 @@ def _controller(
     weight: float | None,
 ) -> "AnyController":
     """The file's controller, sampled and within the throttle's limits."""
+    from revline.design.scheduled_pid import ScheduledController
     from revline.engine.lee1995 import lee1995_parameters
 
     found = read_any_controller(path, TimingChoice(*timing))
+    if isinstance(found, ScheduledController) and found.schedule.names[0] != SPEED:
+        message = f"the schedule in {path.name} is over {found.schedule.names[0]}, and the controller measures {SPEED}; schedule over that"
+        raise InvalidInputError(message)
     return surrounded(found, weight=weight, limits=limits, saturation=lee1995_parameters(plant).throttle.saturation_angle)
 
 
@@ -178,6 +183,9 @@ def _parts(found: "Acceptance") -> list[Facts | Grid | str]:
         reasons.append(f"- and {len(found.reasons) - SHOWN} more; --json lists all")
     return [Facts(f"Acceptance of {law_of(found.controller).gains.rule}", rows), Grid("Worst of all runs", heads, table), *reasons]
 
+
+SPEED = "engine_speed"
+"""What is measured."""
 
 SHOWN = 12
 """So many reasons are shown."""

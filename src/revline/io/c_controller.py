@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Final
 
 from revline.errors import InvalidInputError
-from revline.io.recorded_operations import Operation, Statement, flat_parameters, given, named_parameters, write_statements
+from revline.io.recorded_operations import Operation, Statement, check_names, flat_parameters, given, named_parameters, write_statements
 from revline.sampled import SampledController
 from revline.system import Variable
 
@@ -129,15 +129,16 @@ def write_c_controller(
         The text of the file: a struct of states, one of outputs, `NAME_start` and `NAME_step`; it is its own header.
 
     Raises:
-        InvalidInputError: the name is none in C.
+        InvalidInputError: the name, or that of a signal, is none in C.
     """
     if not re.fullmatch(r"[a-z][a-z0-9_]{0,30}", name):
         message = f"{name!r} is no name for C code; give lower-case letters, digits and underscores, beginning with a letter"
         raise InvalidInputError(message, name=name)
+    check_names(controller)
     head = "\n".join(f" * {key}: {_comment(value)}" for key, value in about.items())
     parameters = controller.parameters
     pairs = flat_parameters(parameters)
-    declared = "\n".join(f"    real {field}; /* [{units.get(field, '1')}] */" for field, _ in pairs)
+    declared = "\n".join(f"    real {field}; /* [{_comment(units.get(field, '1'))}] */" for field, _ in pairs)
     constants = "\n".join(f"    {_literal(float(value))}, /* {field} */" for field, value in pairs)
     begin, sample = _start(controller), _step(controller)
     limits = "\n".join(text for function, text in LIMITS.items() if f"{function}(" in begin + sample)
@@ -225,5 +226,5 @@ def _literal(value: float) -> str:
 
 
 def _comment(text: str) -> str:
-    """Text that cannot end a comment."""
-    return " ".join(text.split()).replace("*/", "* /")
+    """Text that can neither end a comment nor begin one in it."""
+    return " ".join(text.split()).replace("*/", "* /").replace("/*", "/ *")

@@ -64,7 +64,7 @@ class Export:
     @property
     def units(self) -> Mapping[str, str]:
         """Units of the parameters."""
-        plain = parameter_units(self.law.gains)
+        plain = {name: " ".join(unit.split()) for name, unit in parameter_units(self.law.gains).items()}
         return {**plain, **{f"law_{name}": unit for name, unit in plain.items()}}
 
     @property
@@ -99,6 +99,7 @@ def export_control(export: Export) -> str:
         raise InvalidInputError(message)
     controller, gains = export.controller, export.controller.gains
     period = export.sampling.period_at(export.rest[1]) if not isinstance(export.sampling, FixedRate) else export.sampling.period
+    units = ", ".join(export.units[name] for name in ("kp", "ki", "kd"))
     about = "\n".join(f"# {key}: {' '.join(value.split())}" for key, value in _about(export).items())
     return f'''"""{export.name}: the linear law of a controller for python-control; limits, anti-windup and quantisation are not in it."""
 
@@ -108,7 +109,7 @@ def export_control(export: Export) -> str:
 
 import control
 
-kp, ki, kd = {gains.kp!r}, {gains.ki!r}, {gains.kd!r}  # {gains.gain_units["kp"]}, {gains.gain_units["ki"]}, {gains.gain_units["kd"]}
+kp, ki, kd = {gains.kp!r}, {gains.ki!r}, {gains.kd!r}  # {units}
 setpoint_weight, derivative_weight = {controller.setpoint_weight!r}, {controller.derivative_weight!r}
 filter_time = {controller.filter_time!r}  # s
 period = {period!r}  # s
