@@ -39,6 +39,35 @@ def test_every_format_is_written_and_the_c_code_compiles(revline: Command, tmp_p
     assert again.status == 0
 
 
+def test_the_c_file_is_its_own_header_and_two_controllers_fit_into_one_program(revline: Command, tmp_path: Path) -> None:
+    for name, precision in (("slow", "double"), ("fast", "float")):
+        options = ["--format", "c", "--name", name, "--precision", precision, "--throttle", 25, "--out", tmp_path]
+        assert revline("export", controller(tmp_path), *options).status == 0
+    main = "".join(f'#define {name}_DECLARATIONS\n#include "{name.lower()}.c"\n' for name in ("SLOW", "FAST")) + MAIN
+    (tmp_path / "main.c").write_text(main)
+    for name in ("slow", "fast", "main"):
+        strict = ["-Wconversion", "-Wshadow", "-Wdouble-promotion", "-fsanitize=undefined"]
+        assert subprocess.run([*COMPILE.split(), *strict, f"{name}.c"], cwd=tmp_path, check=False).returncode == 0  # noqa: S603 - the compiler
+    linking = ["gcc", "-fsanitize=undefined", "main.o", "slow.o", "fast.o", "-o", "main"]
+    assert subprocess.run(linking, cwd=tmp_path, check=False).returncode == 0  # noqa: S603 - the compiler
+    done = subprocess.run([tmp_path / "main"], capture_output=True, text=True, check=True)  # noqa: S603 - what was compiled
+    slow, fast = (float(word) for word in done.stdout.split())
+    assert slow == pytest.approx(25.0 + 1.2 * 1.0 + 2.0 * 0.005 + 0.1 * 1.0 / 0.005, rel=1e-9)
+    assert fast == pytest.approx(slow, rel=1e-4)
+
+
+MAIN = """
+#include <stdio.h>
+int main(void)
+{
+    slow_state a = slow_start(240.0, 240.0, 25.0);
+    fast_state b = fast_start(240.0f, 240.0f, 25.0f);
+    printf("%.17g %.9g\\n", slow_step(&a, 239.0, 240.0, 0.005).control, (double)fast_step(&b, 239.0f, 240.0f, 0.005f).control);
+    return 0;
+}
+"""
+
+
 def test_the_json_of_a_schedule_reads_back_as_the_same_controller(revline: Command, tmp_path: Path) -> None:
     """Its gains are in tables: were they written as those of one PID, the file would be a controller that does nothing."""
     axes = [{"name": "engine_speed", "unit": "rad/s", "values": [100, 400]}, {"name": "load_torque", "unit": "N m", "values": [0, 40]}]

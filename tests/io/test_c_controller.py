@@ -7,6 +7,7 @@ import shutil
 import subprocess
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ from revline.design.scheduled_pid import ScheduledController
 from revline.engine.lee1995 import lee1995
 from revline.errors import InvalidInputError
 from revline.io.c_controller import COMPILE, Precision, write_c_controller
+from revline.io.matlab_controller import write_matlab_controller
 from revline.io.recorded_operations import Operation, given
 from revline.sampled import CrankSynchronous, FixedRate, SampledController
 from tests.design.controllers import C2D
@@ -76,7 +78,7 @@ def build(
 ) -> Compiled:
     """Compile a controller as a shared library with the flags that its file states."""
     text = change(
-        write_c_controller(code, name="pid", precision=precision, about={"made by": "a test */ of comments"}, units={"kp": "deg"})
+        write_c_controller(code, name="pid", precision=precision, about={"made by": "a test */ of /* comments"}, units={"kp": "deg */"})
     )
     (folder / "pid.c").write_text(text)
     # Linked without the flags: fast-math at that step would set the whole process to flush the smallest numbers to zero.
@@ -263,6 +265,11 @@ def test_what_cannot_be_written_is_refused() -> None:
     for name in ("Speed", "1st", "a-b", ""):
         with pytest.raises(InvalidInputError, match="is no name for C code; give lower-case letters"):
             write_c_controller(code, name=name, precision=Precision.DOUBLE, about={}, units={})
+    for signal in ("load torque", "double", "command", "v1"):
+        renamed = replace(code, commands=(*code.commands, replace(code.commands[0], name=signal)))
+        for write in (partial(write_c_controller, precision=Precision.DOUBLE), write_matlab_controller):
+            with pytest.raises(InvalidInputError, match=f"the signal '{signal}' cannot be named so in code; give it a name"):
+                write(renamed, name="pid", about={}, units={})
     with pytest.raises(InvalidInputError, match=r"an update calls numpy\.exp, which cannot be written as code"):
         np.exp(given("x"))
     assert isinstance(1.0 / -given("x") - 2.0 * given("y"), Operation)

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from revline.design.scheduled_pid import AnyController
+    from revline.io.controller_exports import Export
 
 ControllerArgument = Annotated[Path, typer.Argument(metavar="CONTROLLER.json", help="Controller file, or a gain map with a schedule.")]
 FormatOption = Annotated[
@@ -76,9 +77,8 @@ def export(
     and is limited as its throttle is; else it rests at the values given, and takes over whatever output there is when it starts.
     """
     from revline.design.scheduled_pid import law_of
-    from revline.io.atomic import write_atomically
     from revline.io.c_controller import COMPILE, Precision
-    from revline.io.controller_exports import FORMATS, Export
+    from revline.io.controller_exports import Export
 
     shell = Shell(json=json, quiet=quiet)
     wanted = _formats(formats)
@@ -93,23 +93,40 @@ def export(
         full_range=full,
         provenance={"program": f"revline {__version__}", "controller": controller.name},
     )
-    if not all(map(math.isfinite, (law_of(found).low, law_of(found).high))):
-        shell.warn("the code has an output without limits, and anti-windup nothing to act on; give --throttle, or --low and --high")
-    texts = {FORMATS[key][1].format(name=name): FORMATS[key][0](made) for key in wanted}
-    _make_folder(out)
-    for file, text in texts.items():
-        write_atomically(out / file, text, "exported controller")
+    shell.warn(*_warnings(found))
+    files = _write(made, wanted, out)
+    gains = law_of(found).gains
     record: Mapping[str, object] = {
-        "files": [str(out / file) for file in texts],
+        "files": files,
         "formats": list(wanted),
         "precision": precision,
         "rest": {"output": rest[0], "measurement": rest[1]},
-        "units": law_of(found).gains.gain_units,
+        "units": gains.gain_units,
     }
-    rows: list[tuple[str, float | str, str]] = [("written", str(out / file), "") for file in texts]
-    rows += [("output at rest", rest[0], law_of(found).gains.output_unit), ("measurement at rest", rest[1], law_of(found).gains.input_unit)]
+    rows: list[tuple[str, float | str, str]] = [("written", file, "") for file in files]
+    rows += [("output at rest", rest[0], gains.output_unit), ("measurement at rest", rest[1], gains.input_unit)]
     rows += [("compile", f"{COMPILE} {name}.c", "")] if "c" in wanted else []
     shell.show(record, Facts(f"Export of {controller.name}", rows))
+
+
+def _write(made: "Export", formats: tuple[str, ...], out: Path) -> list[str]:
+    """Write all formats, once all of them could be made; the files' names."""
+    from revline.io.atomic import write_atomically
+    from revline.io.controller_exports import FORMATS
+
+    texts = {out / FORMATS[key][1].format(name=made.name): FORMATS[key][0](made) for key in formats}
+    _make_folder(out)
+    for file, text in texts.items():
+        write_atomically(file, text, "exported controller")
+    return [str(file) for file in texts]
+
+
+def _warnings(controller: "AnyController") -> list[str]:
+    from revline.design.scheduled_pid import law_of
+
+    if all(map(math.isfinite, (law_of(controller).low, law_of(controller).high))):
+        return []
+    return ["the code has an output without limits, and anti-windup nothing to act on; give --throttle, or --low and --high"]
 
 
 def _formats(text: str) -> tuple[str, ...]:

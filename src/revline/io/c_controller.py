@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Final
 
 from revline.errors import InvalidInputError
-from revline.io.recorded_operations import Operation, Statement, flat_parameters, given, named_parameters, write_statements
+from revline.io.recorded_operations import Operation, Statement, check_names, flat_parameters, given, named_parameters, write_statements
 from revline.sampled import SampledController
 from revline.system import Variable
 
@@ -44,10 +44,34 @@ TEMPLATE: Final = """/* {name}: a sampled controller, one file of C99 without de
 {head}
  *
  * Compile: {compile} {name}.c
- * Call {name}_start once, where the controller takes over, then {name}_step at each sample.
+ * Call {name}_start once, where the controller takes over, then {name}_step at each sample. Where they are called, declare them by
+ *     #define {capitals}_DECLARATIONS
+ *     #include "{name}.c"
  */
 
-typedef {precision} real;
+#ifndef {capitals}_DECLARED
+#define {capitals}_DECLARED
+
+typedef {precision} {name}_real;
+
+/* States between samples. */
+typedef struct {{
+{states}
+}} {name}_state;
+
+/* Outputs of a sample: what drives the plant first, then what it is made of. */
+typedef struct {{
+{outputs}
+}} {name}_output;
+
+{name}_state {name}_start({declared_start});
+{name}_output {name}_step({name}_state *state, {declared_step}, {name}_real seconds);
+
+#endif
+
+#ifndef {capitals}_DECLARATIONS
+
+typedef {name}_real real;
 
 #include <float.h>
 #if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)
@@ -63,19 +87,6 @@ static const struct {{
 }} p = {{
 {constants}
 }};
-
-/* States between samples. */
-typedef struct {{
-{states}
-}} {name}_state;
-
-/* Outputs of a sample: what drives the plant first, then what it is made of. */
-typedef struct {{
-{outputs}
-}} {name}_output;
-
-{name}_state {name}_start({start_arguments});
-{name}_output {name}_step({name}_state *state, {step_arguments}, real seconds);
 
 /* The smaller and the larger of two numbers. */
 {limits}
@@ -96,6 +107,8 @@ typedef struct {{
 {sample}
     return output;
 }}
+
+#endif
 """
 """The file, with what differs from controller to controller in braces."""
 
@@ -113,21 +126,24 @@ def write_c_controller(
         units: of the parameters, by name.
 
     Returns:
-        The text of the file: a struct of states, one of outputs, `NAME_start` and `NAME_step`.
+        The text of the file: a struct of states, one of outputs, `NAME_start` and `NAME_step`; it is its own header.
 
     Raises:
-        InvalidInputError: the name is none in C.
+        InvalidInputError: the name, or that of a signal, is none in C.
     """
     if not re.fullmatch(r"[a-z][a-z0-9_]{0,30}", name):
         message = f"{name!r} is no name for C code; give lower-case letters, digits and underscores, beginning with a letter"
         raise InvalidInputError(message, name=name)
+    check_names(controller)
     head = "\n".join(f" * {key}: {_comment(value)}" for key, value in about.items())
     parameters = controller.parameters
     pairs = flat_parameters(parameters)
-    declared = "\n".join(f"    real {field}; /* [{units.get(field, '1')}] */" for field, _ in pairs)
+    declared = "\n".join(f"    real {field}; /* [{_comment(units.get(field, '1'))}] */" for field, _ in pairs)
     constants = "\n".join(f"    {_literal(float(value))}, /* {field} */" for field, value in pairs)
     begin, sample = _start(controller), _step(controller)
     limits = "\n".join(text for function, text in LIMITS.items() if f"{function}(" in begin + sample)
+    stepping = tuple(v.name for v in (*controller.measurements, *controller.commands))
+    starting = (*stepping, *(f"{v.name}_now" for v in controller.outputs[: controller.drives]))
     drives = ", ".join(f"{v.name}_now" for v in controller.outputs[: controller.drives])
     return TEMPLATE.format(
         name=name,
@@ -136,10 +152,13 @@ def write_c_controller(
         precision=precision.value,
         declared=declared,
         constants=constants,
-        states=_fields(controller.states),
-        outputs=_fields(controller.outputs),
-        start_arguments=_arguments(controller.measurements, controller.commands, controller.outputs[: controller.drives], "_now"),
-        step_arguments=_arguments(controller.measurements, controller.commands),
+        capitals=name.upper(),
+        states=_fields(controller.states, f"{name}_real"),
+        outputs=_fields(controller.outputs, f"{name}_real"),
+        declared_start=_arguments(f"{name}_real", *starting),
+        declared_step=_arguments(f"{name}_real", *stepping),
+        start_arguments=_arguments("real", *starting),
+        step_arguments=_arguments("real", *stepping),
         limits=limits,
         drives=drives,
         begin=begin,
@@ -191,16 +210,12 @@ def _in_c(text: str) -> str:
     return re.sub(r"\b(fmin|fmax)\(", lambda found: FUNCTIONS[found.group()], text)
 
 
-def _fields(variables: tuple[Variable, ...]) -> str:
-    return "\n".join(f"    real {v.name}; /* [{_comment(v.unit)}] {_comment(v.description)} */" for v in variables)
+def _fields(variables: tuple[Variable, ...], kind: str) -> str:
+    return "\n".join(f"    {kind} {v.name}; /* [{_comment(v.unit)}] {_comment(v.description)} */" for v in variables)
 
 
-def _arguments(*groups: tuple[Variable, ...] | str) -> str:
-    """Parameters of a function; the last group's names end in the text that follows it."""
-    *plain, last = groups if isinstance(groups[-1], str) else (*groups, "")
-    ending = str(last)
-    variables = [(v, ending if group is plain[-1] else "") for group in plain if not isinstance(group, str) for v in group]
-    return ", ".join(f"real {v.name}{suffix}" for v, suffix in variables)
+def _arguments(kind: str, *names: str) -> str:
+    return ", ".join(f"{kind} {name}" for name in names)
 
 
 def _literal(value: float) -> str:
@@ -211,5 +226,5 @@ def _literal(value: float) -> str:
 
 
 def _comment(text: str) -> str:
-    """Text that cannot end a comment."""
-    return " ".join(text.split()).replace("*/", "* /")
+    """Text that can neither end a comment nor begin one in it."""
+    return " ".join(text.split()).replace("*/", "* /").replace("/*", "/ *")

@@ -64,7 +64,7 @@ class Export:
     @property
     def units(self) -> Mapping[str, str]:
         """Units of the parameters."""
-        plain = parameter_units(self.law.gains)
+        plain = {name: " ".join(unit.split()) for name, unit in parameter_units(self.law.gains).items()}
         return {**plain, **{f"law_{name}": unit for name, unit in plain.items()}}
 
     @property
@@ -99,6 +99,7 @@ def export_control(export: Export) -> str:
         raise InvalidInputError(message)
     controller, gains = export.controller, export.controller.gains
     period = export.sampling.period_at(export.rest[1]) if not isinstance(export.sampling, FixedRate) else export.sampling.period
+    units = ", ".join(export.units[name] for name in ("kp", "ki", "kd"))
     about = "\n".join(f"# {key}: {' '.join(value.split())}" for key, value in _about(export).items())
     return f'''"""{export.name}: the linear law of a controller for python-control; limits, anti-windup and quantisation are not in it."""
 
@@ -108,7 +109,7 @@ def export_control(export: Export) -> str:
 
 import control
 
-kp, ki, kd = {gains.kp!r}, {gains.ki!r}, {gains.kd!r}  # {gains.gain_units["kp"]}, {gains.gain_units["ki"]}, {gains.gain_units["kd"]}
+kp, ki, kd = {gains.kp!r}, {gains.ki!r}, {gains.kd!r}  # {units}
 setpoint_weight, derivative_weight = {controller.setpoint_weight!r}, {controller.derivative_weight!r}
 filter_time = {controller.filter_time!r}  # s
 period = {period!r}  # s
@@ -183,10 +184,13 @@ def _about(export: Export) -> Mapping[str, str]:
     gains, controller = export.law.gains, export.law
     about = {key: f"{value}" for key, value in export.provenance.items()}
     about |= {
-        "law": f"{LAW}; with weights {controller.setpoint_weight:g} and {controller.derivative_weight:g} of the command",
+        "law": (
+            f"{LAW}; with weights {controller.setpoint_weight:g} and {controller.derivative_weight:g} of the command, "
+            f"the derivative filtered with {controller.filter_time:g} s"
+        ),
         "rule": f"{gains.rule}, designed on {gains.designed_on}",
         "units": f"measurement and command in {gains.input_unit}, output in {gains.output_unit}, time in s",
-        "sampling": f"{export.sampling}",
+        "sampling": _sampling_words(export.sampling),
         "rest": f"output {export.rest[0]!r} {gains.output_unit}, measurement {export.rest[1]!r} {gains.input_unit}",
         "anti-windup": controller.anti_windup.value,
         "lost sensor": f"the last good measurement is kept for {controller.hold_samples} samples, then the output is safe_output",
@@ -199,6 +203,11 @@ def _about(export: Export) -> Mapping[str, str]:
     except InvalidInputError:  # another measurement than a speed, or an output without a range: there are no such units
         return about
     return {**about, "in engine computers' units": ", ".join(f"{key} {_short(value)}" for key, value in numbers.items())}
+
+
+def _sampling_words(sampling: Sampling) -> str:
+    step = f"{sampling.period!r} s" if isinstance(sampling, FixedRate) else f"{sampling.angle!r} rad of the crank"
+    return f"every {step}, the output {sampling.computation_delay!r} s later"
 
 
 def _short(value: float | str) -> str:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, Final
 
-from revline.io.recorded_operations import Statement, flat_parameters, given, named_parameters, write_statements
+from revline.io.recorded_operations import Statement, check_names, flat_parameters, given, named_parameters, write_statements
 from revline.sampled import SampledController
 
 LIMITS: Final = """
@@ -38,7 +38,11 @@ def write_matlab_controller(controller: SampledController, *, name: str, about: 
 
     Returns:
         A function [state, output] = NAME(state, measurement, command, seconds), which begins with a state of [] at rest.
+
+    Raises:
+        InvalidInputError: the name of a signal is none in code.
     """
+    check_names(controller)
     parameters: Any = controller.parameters
     y, r = tuple(given(v.name) for v in controller.measurements), tuple(given(v.name) for v in controller.commands)
     p = named_parameters(parameters)
@@ -51,7 +55,7 @@ def write_matlab_controller(controller: SampledController, *, name: str, about: 
     head = "\n".join(f"% {key}: {' '.join(value.split())}" for key, value in about.items())
     values = flat_parameters(parameters)
     constants = "\n".join(f"    p.{field} = {_literal(value)}; % [{units.get(field, '1')}]" for field, value in values)
-    meanings = "\n".join(f"%   {v.name} [{v.unit}]: {v.description}" for v in controller.outputs)
+    meanings = "\n".join(f"%   {v.name} [{' '.join(v.unit.split())}]: {v.description}" for v in controller.outputs)
     return f"""function [state, output] = {name}(state, {inputs}, seconds, {now})
 % {name}: a sampled controller.
 {head}

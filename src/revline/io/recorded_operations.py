@@ -4,6 +4,7 @@ The equations are called with scalars that remember how they were made. Nothing 
 that rounds as IEEE 754 says gives the same bits.
 """
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -13,8 +14,34 @@ import numpy as np
 
 from revline.equations import UPDATE_FUNCTIONS
 from revline.errors import InvalidInputError
+from revline.sampled import SampledController
 
 OPERATORS: Final[Mapping[str, str]] = MappingProxyType({"add": "+", "subtract": "-", "multiply": "*", "divide": "/"})
+
+
+NAME: Final = re.compile(r"(?!(v|w)[0-9]+$)[a-z][a-z0-9_]{0,60}")
+TAKEN: Final = (
+    " auto break case char const continue default do double else enum extern float for goto if inline int long real register restrict "
+    "return short signed sizeof static struct switch typedef union unsigned void volatile while end function "
+    "p state output next seconds minimum maximum fmin fmax fmin_ fmax_ "
+)
+"""Words of C and MATLAB, and names that the written files use themselves."""
+
+
+def check_names(controller: SampledController) -> None:
+    """Refuse signals whose names cannot stand in code.
+
+    Raises:
+        InvalidInputError: a name of a measurement or a command is none, is taken, or stands twice.
+    """
+    names = [v.name for v in (*controller.measurements, *controller.commands)]
+    for k, name in enumerate(names):
+        if not NAME.fullmatch(name) or f" {name} " in TAKEN or name in names[:k]:
+            message = (
+                f"the signal {name!r} cannot be named so in code; give it a name of lower-case letters, digits and underscores that is no "
+                "word of C and not measurement, command, state, output or seconds"
+            )
+            raise InvalidInputError(message, name=name)
 
 
 class Operation:
