@@ -282,7 +282,7 @@ def test_a_gain_schedule_runs_with_the_gains_of_each_sample(revline: Command, g1
     [
         ({}, ("--noise", 0.1), "--noise tells of samples, and the controller is continuous"),
         ({}, ("--computation-delay", 0.001), "--computation-delay tells of samples"),
-        ({}, ("--samples", "x.csv"), "--samples writes what a sampled controller did"),
+        ({}, ("--samples", "x.csv"), "--samples tells of samples, and the controller is continuous"),
         ({}, ("--load-at", 3), "--load-at says when the load steps, and there is no step"),
         ({}, ("--load-step", 5, "--load-at", 30), "load-at = 30 s is outside values below the stop time of 20 s"),
         ({}, ("--load-step", 0), "step of the load = 0 moves nothing"),
