@@ -200,18 +200,26 @@ def test_a_sampled_controller_runs_as_its_file_says(revline: Command, tmp_path: 
     assert json.loads(again.out) == record
 
 
-def test_a_continuous_controller_with_all_that_has_a_continuous_form(revline: Command, tmp_path: Path) -> None:
+@pytest.fixture
+def lag(tmp_path: Path) -> Path:
+    """Model file of a lag with delay."""
+    model = TransferFunction(numerator=(12.0,), denominator=(1.0, 0.6), delay=0.02, input_unit="deg", output_unit="rad/s")
+    write_model(tmp_path / "lag.json", model, name="lag", provenance={})
+    return tmp_path / "lag.json"
+
+
+def test_a_continuous_controller_with_all_that_has_a_continuous_form(revline: Command, lag: Path, tmp_path: Path) -> None:
     """At a limit back-calculation leads the integral back; without it the integral winds up and the speed overshoots more."""
-    law = {"kp": 0.4, "ki": 2.0, "kd": 0.02, "filter_time_s": 0.02, "output_high": 40.0}
-    followed = {**law, "anti_windup": "back-calculation", "tracking_time_s": 0.2}
+    law = {"kp": 0.4, "ki": 2.0, "kd": 0.02, "filter_time_s": 0.02, "output_high": 32.0}
+    followed = {**law, "anti_windup": "back-calculation", "tracking_time_s": 0.1}
     with_it, without = (
-        json.loads(revline("loop", write_file(tmp_path, **one), "--throttle", 25, "--until", 20, "--json").out) for one in (followed, law)
+        json.loads(revline("loop", lag, write_file(tmp_path, **one), "--throttle", 25, "--json").out) for one in (followed, law)
     )
     assert with_it["form"].startswith("u = trim + kp e + ki integral of e + kd s/(0.02 s + 1) (-y)")
     assert with_it["terms"]["integral"]["high_deg"] < without["terms"]["integral"]["high_deg"] - 3.0
     assert with_it["overshoot"] < without["overshoot"] - 0.05
-    assert with_it["throttle_high_deg"] == without["throttle_high_deg"] == 40.0
-    assert with_it["controller"]["tracking_time_s"] == 0.2
+    assert with_it["throttle_high_deg"] == without["throttle_high_deg"] == 32.0
+    assert with_it["controller"]["tracking_time_s"] == 0.1
     clamped = revline("loop", write_file(tmp_path, **law, anti_windup="clamping"), "--throttle", 25)
     assert clamped.status == 2
     assert "use back-calculation with a tracking_time_s" in " ".join(clamped.err.split())
@@ -229,27 +237,25 @@ def test_an_unstable_linear_loop_is_run_with_a_warning_that_names_its_margin(rev
     assert record["warnings"] == [done.err.removeprefix("warning: ").strip()]
 
 
-def test_a_sampled_controller_on_a_model(revline: Command, tmp_path: Path) -> None:
-    """A lag without delay under a sampled PI: its samples are a recursion; placed at a trim, limits are the throttle's own."""
-    lag = TransferFunction(numerator=(12.0,), denominator=(1.0, 0.6), input_unit="deg", output_unit="rad/s")
-    write_model(tmp_path / "lag.json", lag, name="lag", provenance={})
-    pi = write_file(tmp_path, kp=2.0, ki=12.0, kd=0.0)
-    arguments = ("loop", tmp_path / "lag.json", pi, "--period", 0.01, "--until", 4)
+def test_a_sampled_controller_on_a_model(revline: Command, lag: Path, tmp_path: Path) -> None:
+    """A lag under a sampled PI, two samples late: a recursion of its samples; placed at a trim, limits are the throttle's own."""
+    pi = write_file(tmp_path, kp=1.0, ki=6.0, kd=0.0)
     samples = tmp_path / "samples.csv"
-    record = json.loads(revline(*arguments, "--samples", samples, "--json").out)
-    output, integral, shrink = 0.0, 0.0, math.exp(-0.01 / 0.6)
+    record = json.loads(revline("loop", lag, pi, "--period", 0.01, "--until", 4, "--samples", samples, "--json").out)
+    output, integral, shrink, late, peak = 0.0, 0.0, math.exp(-0.01 / 0.6), [0.0, 0.0], 0.0
     for row in rows_of(samples):
-        assert float(row["speed_measured_rad_s"]) == pytest.approx(output, abs=1e-9)
-        integral += 0.12 * (60.0 - output)
-        held = 2.0 * (60.0 - output) + integral
-        assert float(row["throttle_deg"]) == pytest.approx(held, abs=1e-9)
-        output = 12.0 * held + (output - 12.0 * held) * shrink
-    assert record["overshoot"] == pytest.approx(0.0681971, abs=1e-6)
-    limited = write_file(tmp_path, kp=2.0, ki=12.0, kd=0.0, output_low=0.0, output_high=60.0)
-    alone = revline("loop", tmp_path / "lag.json", limited, "--period", 0.01)
+        assert float(row["speed_measured_rad_s"]) == pytest.approx(output, abs=1e-6)
+        integral += 0.06 * (60.0 - output)
+        late.append(60.0 - output + integral)
+        assert float(row["throttle_deg"]) == pytest.approx(late[-1], abs=1e-6)
+        held = 12.0 * late.pop(0)
+        output, peak = held + (output - held) * shrink, max(peak, output)
+    assert record["overshoot"] == pytest.approx(peak / 60.0 - 1.0, abs=2e-3)
+    limited = write_file(tmp_path, kp=1.0, ki=6.0, kd=0.0, output_low=0.0, output_high=60.0)
+    alone = revline("loop", lag, limited, "--period", 0.01)
     assert alone.status == 2
     assert "a model by itself knows deviations only" in " ".join(alone.err.split())
-    placed = json.loads(revline("loop", tmp_path / "lag.json", limited, "--period", 0.01, "--throttle", 25, "--json").out)
+    placed = json.loads(revline("loop", lag, limited, "--period", 0.01, "--throttle", 25, "--json").out)
     assert placed["throttle_limits_deg"] == [0.0, 60.0]
     assert placed["throttle_high_deg"] == 60.0
 
@@ -276,7 +282,7 @@ def test_a_gain_schedule_runs_with_the_gains_of_each_sample(revline: Command, g1
     [
         ({}, ("--noise", 0.1), "--noise tells of samples, and the controller is continuous"),
         ({}, ("--computation-delay", 0.001), "--computation-delay tells of samples"),
-        ({}, ("--samples", "x.csv"), "--samples writes what a sampled controller did"),
+        ({}, ("--samples", "x.csv"), "--samples tells of samples, and the controller is continuous"),
         ({}, ("--load-at", 3), "--load-at says when the load steps, and there is no step"),
         ({}, ("--load-step", 5, "--load-at", 30), "load-at = 30 s is outside values below the stop time of 20 s"),
         ({}, ("--load-step", 0), "step of the load = 0 moves nothing"),

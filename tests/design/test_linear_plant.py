@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from revline import signals
 from revline.analysis.linearize import linearize
 from revline.dde.simulate import Start, simulate
-from revline.design.linear_plant import MOST_POLES, linear_plant, step_limit
+from revline.design.linear_plant import MOST_POLES, held_plant, linear_plant, step_limit
 from revline.errors import InvalidInputError
 from revline.lti.transfer_function import TransferFunction
 from revline.system import DelaySystem
@@ -112,3 +112,15 @@ def test_the_step_follows_the_fastest_pole_and_the_delay() -> None:
     assert step_limit(model.with_delay(0.004)) == 0.001
     integrator = TransferFunction(numerator=(1.0,), denominator=(0.0, 1.0), delay=0.2)
     assert step_limit(integrator) == 0.05
+
+
+def test_a_held_model_without_delay_is_itself_and_one_with_delay_the_delayed_plant() -> None:
+    model = TransferFunction(numerator=(2.0, 0.3), denominator=(1.0, 0.7, 0.1), input_unit="deg", output_unit="rad/s")
+    plant = held_plant(model, base_input=3.0, base_output=7.0)
+    rest = Rest(np.zeros(MOST_POLES), np.array([3.0]), np.zeros(0))
+    found = linearize(plant, rest).model.transfer(1j * OMEGA)[:, 0, 0]
+    np.testing.assert_allclose(found, model(1j * OMEGA), rtol=1e-12)
+    assert plant.output(plant.parameters, (0.0,) * MOST_POLES, (3.0,), ()) == (7.0,)
+    delayed = model.with_delay(0.1)
+    assert held_plant(delayed).equation_digest == linear_plant(delayed).equation_digest
+    assert step_limit(model) == pytest.approx(0.25 / np.abs(model.poles).max())

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from revline.design.closed_loop import LoopRun
     from revline.design.hunting import HuntingOrbit, UnrefinedCycle
     from revline.design.onset import HuntingOnset
+    from revline.io.controller_files import ControllerFile
     from revline.system import DelaySystem
 
 AMPLE = 1.15
@@ -52,22 +53,14 @@ def limit_cycle(
     from revline.design.closed_loop import Limits, LoopTask, describe_outcome, operating_point
     from revline.design.hunting import refine_cycle, run_to_its_end
     from revline.design.outcome import LimitCycle
-    from revline.design.pid_controller import Continuous
     from revline.engine.lee1995 import lee1995_parameters
-    from revline.io.controller_files import read_controller
     from revline.io.cycle_records import onset_record, run_record
     from revline.io.engine_files import load_engine
     from revline.io.json_files import format_json
 
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "limit cycle")
-    file = read_controller(controller)
-    if not isinstance(file.controller.sampling, Continuous):
-        message = (
-            f"{controller.name} holds a controller that samples; samples fall differently into each cycle, which then is no orbit of the "
-            "engine alone: `loop` runs it and tells the cycle with its spread, `accept` the gains at which it begins"
-        )
-        raise InvalidInputError(message)
+    file = _read_continuous(controller)
     gains = file.feedback_gains
     plant = load_engine(engine)
     trim = find_trim(plant, inputs={"throttle": throttle, "load_torque": load})
@@ -87,6 +80,21 @@ def limit_cycle(
         parts += _onset_parts(begins)
     shell.write(out, format_json(record), "limit cycle")
     shell.show(record, *parts, text_on=out)
+
+
+def _read_continuous(path: Path) -> "ControllerFile":
+    """Read the controller; one that samples is refused."""
+    from revline.design.pid_controller import Continuous
+    from revline.io.controller_files import read_controller
+
+    file = read_controller(path)
+    if not isinstance(file.controller.sampling, Continuous):
+        message = (
+            f"{path.name} holds a controller that samples; samples fall differently into each cycle, which then is no orbit of the engine "
+            "alone: `loop` runs it and tells the cycle with its spread, `accept` the gains at which it begins"
+        )
+        raise InvalidInputError(message)
+    return file
 
 
 def _add_orbit(shell: Shell, record: dict[str, object], orbit: "HuntingOrbit | UnrefinedCycle", title: str) -> Facts:

@@ -111,13 +111,11 @@ def loop(
         timing=TimingChoice(period, crank_angle, computation_delay),
         disturbance=Disturbance(noise=noise, jitter=jitter, seed=seed),
         load=_load_step(load_step, load_at, until),
+        samples=samples,
     )
     with shell.busy("running the loop; the first run of all compiles it, which takes some seconds"):
         result = run_files(files, _task((step, until, time_step), options.load), options)
     found = result.sampled
-    if found is None and samples is not None:
-        message = "--samples writes what a sampled controller did, and this one is continuous; give --period or --crank-angle too"
-        raise InvalidInputError(message)
     shell.warn(*result.warnings)
     shell.write(out, format_loop(result.run) if found is None else format_sampled_loop(found), "closed-loop record")
     if found is not None:

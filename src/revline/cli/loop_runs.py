@@ -34,6 +34,7 @@ class LoopOptions(NamedTuple):
     timing: TimingChoice
     disturbance: "Disturbance"
     load: "LoadStep | None"
+    samples: Path | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,6 +125,7 @@ def _controller(path: Path, options: LoopOptions) -> "AnyController":
         ("--computation-delay", timing.computation_delay != 0.0),
         ("--noise", options.disturbance.noise > 0.0),
         ("--jitter", options.disturbance.jitter > 0.0),
+        ("--samples", options.samples is not None),
     ]
     wrong = [name for name, given in alone if given]
     if wrong:

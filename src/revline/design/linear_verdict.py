@@ -56,7 +56,8 @@ class LinearVerdict:
         if self.stable:
             return ""
         count = f"{self.unstable_poles:g}" if math.isfinite(self.unstable_poles) else "infinitely many"
-        return f"the linear loop at the operating point is unstable, with {count} poles {self.where}{self._remedy()}"
+        noun = "pole" if self.unstable_poles == 1 else "poles"
+        return f"the linear loop at the operating point is unstable, with {count} {noun} {self.where}{self._remedy()}"
 
     def _remedy(self) -> str:
         if self.stable_range is None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from revline import signals
 from revline.design.closed_loop import OF_LINEAR_MODEL, SPEED_BY_THROTTLE, LoopSignals, OperatingPoint
+from revline.design.controller_samples import DisturbedRun, Samples
 from revline.design.linear_plant import held_plant, step_limit
 from revline.design.loop_run import Limits, LoopFrame, LoopRun, LoopTask, describe_form, judge_loop, refuse_creep
 from revline.design.loop_simulation import HALVINGS, LEAST_STEPS, LoopRecord, LoopTrace, Mesh, check_steps, keep_finite
@@ -24,7 +25,6 @@ from revline.errors import InvalidInputError, LagError, NotSettledError, Simulat
 from revline.lti.transfer_function import TransferFunction
 from revline.system import DelaySystem
 from revline.units import Seconds
-from revline.values import make_read_only
 
 Floats = NDArray[np.float64]
 
@@ -36,74 +36,6 @@ LARGEST_REST = 0.49
 
 MOST_SAMPLES = 1e6
 """More samples than this would run for minutes."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Samples:
-    """What a sampled controller did at its samples, up to where the record ends; all in the controller's units.
-
-    Attributes:
-        times: of the samples, shape (k,), in s.
-        measurement: with noise, before quantisation, shape (k,).
-        command: shape (k,).
-        control: the output, shape (k,).
-        wanted: the output before all limits, shape (k,).
-        terms: proportional, integral (after anti-windup) and derivative term, shape (k, 3).
-        windup: how far the output wanted is beyond what its limits, that of its rate among them, allow, with its sign, shape (k,).
-        gains: kp, ki and kd that a schedule gave, shape (k, 3); without rows where the gains are fixed.
-        overruns: outputs that were not ready before the next sample.
-    """
-
-    times: Floats
-    measurement: Floats
-    command: Floats
-    control: Floats
-    wanted: Floats
-    terms: Floats
-    windup: Floats
-    gains: Floats
-    overruns: int
-
-    def __post_init__(self) -> None:
-        make_read_only(self)
-
-    def saturated_share(self, limits: Limits) -> float:
-        """Part of the samples at which the output is at a limit."""
-        return float(np.mean((self.control <= limits.low) | (self.control >= limits.high)))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class DisturbedRun:
-    """The same loop with noise and jitter, and what they do to it.
-
-    Attributes:
-        disturbance: what was asked for.
-        trace: of the run.
-        samples: of the run.
-        deviation: of the output from that without noise and jitter, shape (n,).
-        travel: sum of the output's movements at the samples, in its unit.
-        quiet_travel: the same without noise and jitter.
-    """
-
-    disturbance: Disturbance
-    trace: LoopTrace
-    samples: Samples
-    deviation: Floats
-    travel: float
-    quiet_travel: float
-
-    def __post_init__(self) -> None:
-        make_read_only(self)
-
-    @property
-    def rms(self) -> float:
-        """Root mean square of the output's deviation, in the measurement's unit."""
-        return float(np.sqrt(np.mean(self.deviation**2)))
-
-    @property
-    def largest(self) -> float:
-        """Largest deviation of the output."""
-        return float(np.max(np.abs(self.deviation)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -235,7 +167,7 @@ def _run_step(loop: _Loop, task: LoopTask, mesh: Mesh, disturbance: Disturbance,
     run, notes = _judge(loop, frame, task, quiet)
     whole = SampledStep(
         run=run,
-        samples=_until(quiet.samples, run.times[-1]),
+        samples=quiet.samples.until(run.times[-1]),
         controller=loop.law,
         disturbed=None,
         period=period,
@@ -249,7 +181,7 @@ def _run_step(loop: _Loop, task: LoopTask, mesh: Mesh, disturbance: Disturbance,
     if noisy.record.failure is not None:
         failed, _ = _judge(loop, frame, task, noisy)
         note = f"without noise and jitter the loop does not end before its time: {run.outcome.name}"
-        return replace(whole, run=failed, samples=_until(noisy.samples, failed.times[-1]), notes=(note,))
+        return replace(whole, run=failed, samples=noisy.samples.until(failed.times[-1]), notes=(note,))
     return replace(whole, disturbed=_compare(run, whole.samples, noisy, disturbance))
 
 
@@ -329,13 +261,6 @@ def _gains(run: SampledRun) -> Floats:
     return np.column_stack([run.of_controller(name) for name in ("kp_used", "ki_used", "kd_used")])
 
 
-def _until(samples: Samples, end: float) -> Samples:
-    """Leave out what came after the end of a record."""
-    k = int(np.searchsorted(samples.times, end + 1e-9, side="right"))
-    names = ("times", "measurement", "command", "control", "wanted", "terms", "windup", "gains")
-    return replace(samples, **{name: getattr(samples, name)[:k] for name in names})
-
-
 def _judge(loop: _Loop, frame: LoopFrame, task: LoopTask, found: _Outcome) -> tuple[LoopRun, tuple[str, ...]]:
     """Judge a run; cycles into which samples fall differently may be somewhat unlike each other."""
     law, system = loop.law, with_command(loop.plant, loop.wires.measurement)
@@ -393,12 +318,8 @@ def _compare(run: LoopRun, samples: Samples, noisy: _Outcome, disturbance: Distu
     return DisturbedRun(
         disturbance=disturbance,
         trace=trace,
-        samples=_until(noisy.samples, trace.times[-1]),
+        samples=noisy.samples.until(trace.times[-1]),
         deviation=trace.output - run.output[:count],
-        travel=_travel(noisy.samples),
-        quiet_travel=_travel(samples),
+        travel=noisy.samples.travel,
+        quiet_travel=samples.travel,
     )
-
-
-def _travel(samples: Samples) -> float:
-    return float(np.sum(np.abs(np.diff(samples.control))))
