@@ -122,7 +122,7 @@ def tune(
     options = {name: value for name, value in locals().items() if name in NUMBERS_AND_NAMES and value is not None} | _start(start)
     from revline.design.rules import tune_by_rule
     from revline.io.json_files import format_json
-    from revline.io.rule_records import loop_record, loop_words
+    from revline.io.rule_records import loop_record, loop_words, tuned_record
 
     shell = Shell(json=json, quiet=quiet)
     if listed:
@@ -137,7 +137,7 @@ def tune(
         raise InvalidInputError(WANTED)
     gains = tune_by_rule(rule, plant, options=options)
     loop = loop_record(plant, gains)
-    record = {**_record(gains, origin), "loop": loop}
+    record = {**tuned_record(gains, provenance={"program": PROGRAM, **origin}), "loop": loop}
     shell.write(out, format_json(record), "controller file")
     shell.warn(*loop_words(loop))
     rows = [(gain, getattr(gains, gain), unit) for gain, unit in gains.gain_units.items()]
@@ -145,14 +145,6 @@ def tune(
     evidence = [(key, value, "") for key, value in loop.items() if isinstance(value, float)]
     facts = Facts(f"Controller for {plant.name} by {gains.rule}", [*rows, *details, *evidence])
     shell.show(record, facts, str(gains.details.get("summary", "")), text_on=out)
-
-
-def _record(gains: "PidGains", origin: dict[str, str]) -> "Mapping[str, object]":
-    """The controller as the rule recommends it, with its origin."""
-    from revline.design.rule_making import recommended_controller
-    from revline.io.controller_files import controller_record
-
-    return controller_record(recommended_controller(gains), provenance={"program": PROGRAM, **origin})
 
 
 def _start(path: Path | None) -> "dict[str, float | str | PidGains]":

@@ -6,11 +6,22 @@ from typing import Final
 from revline.design.controller import PidGains
 from revline.design.margins import Margins, find_margins
 from revline.design.rule_comparison import RuleComparison
+from revline.design.rule_making import recommended_controller
 from revline.design.tuning_plant import TuningPlant
 from revline.errors import InvalidInputError
 from revline.io.controller_files import controller_record
 
 SCHEMA: Final = "revline.rules/1"
+
+
+def tuned_record(gains: PidGains, *, provenance: Mapping[str, float | str]) -> Mapping[str, object]:
+    """Give a rule's gains as the content of a controller file, with the set-point weight that the rule recommends.
+
+    Args:
+        gains: from the rule.
+        provenance: what writes it, from what.
+    """
+    return controller_record(recommended_controller(gains), provenance=provenance)
 
 
 def loop_record(plant: TuningPlant, gains: PidGains) -> Mapping[str, object]:
@@ -54,7 +65,7 @@ def comparison_record(found: RuleComparison, *, provenance: Mapping[str, float |
         "schema": SCHEMA,
         "plant": found.plant,
         "rules": [
-            {"rule": one.rule, **controller_record(one.gains, provenance=provenance), "loop": _margins(one.margins)} for one in found.tuned
+            {"rule": one.rule, **tuned_record(one.gains, provenance=provenance), "loop": _margins(one.margins)} for one in found.tuned
         ],
         "refused": [{"rule": one.rule, "reason": one.reason} for one in found.refused],
     }
