@@ -159,7 +159,7 @@ def test_a_measured_ultimate_point_is_taken_in_place_of_the_exact_one() -> None:
             {},
             r"delay over lag = 1.8 is outside 0 to 1; cohen-coon was made for delays up to the lag",
         ),
-        ("ziegler-nichols", replace(LAG, delay=0.9), {}, r"delay over lag = 1.8  is outside 0 to 1; ziegler-nichols was made for"),
+        ("ziegler-nichols", replace(LAG, delay=0.9), {}, r"delay over lag = 1.8 is outside 0 to 1; ziegler-nichols was made for"),
         ("amigo", replace(LAG, delay=0.0), {}, "amigo needs a delay; the plant's is 0 s"),
         ("simc-pi", LAG, {"closed_loop_lag": 0.0}, "closed-loop lag = 0 s is outside the positive numbers; the delay, 0.1 s, is usual"),
         ("simc-pi", replace(LAG, delay=0.0), {}, "closed-loop lag = 0 s is outside the positive numbers; this plant has no delay"),

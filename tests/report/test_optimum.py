@@ -18,7 +18,7 @@ MODEL = TransferFunction(
 def test_controllers_stand_beside_their_optimum_with_units() -> None:
     plant, grid = tuning_plant(MODEL, name="g2d"), make_grid(MODEL)
     found = compare_with_competitors(plant, grid, find_scale(plant), {"c2d": C2D})
-    figure = plot_comparison(found, grid)
+    figure = plot_comparison(found)
     assert isinstance(figure, Figure)
     plane, responses = figure.axes
     assert "Ms" in plane.get_xlabel()
@@ -27,4 +27,4 @@ def test_controllers_stand_beside_their_optimum_with_units() -> None:
     shown = [float(np.ravel(line.get_ydata())[0]) for line in plane.lines[:2]]
     assert shown == [found.competitors[0].cost.load, found.competitors[0].optimum.cost]
     with pytest.raises(InvalidInputError, match="there is no controller beside an optimum to draw"):
-        plot_comparison(Comparison(plant="none", competitors=(), left_out=()), grid)
+        plot_comparison(Comparison(plant="none", competitors=(), left_out=()))

@@ -106,16 +106,15 @@ def accept(
     from revline.io.json_files import format_json
 
     shell = Shell(json=json, quiet=quiet)
-    check_plot(plot)
-    shell.prepare_each((out, "acceptance"), (plot, "figure"))
+    shell.prepare_each((out, "acceptance"), (check_plot(plot), "figure"))
     plant = load_engine(engine)
     judged = _controller(controller, plant, (period, crank_angle, computation_delay), (low, high), setpoint_weight)
     shifts = _default_jitter(judged) if jitter is None else jitter
     battery = _battery((command, load_step, until), (noise, shifts, seed), (max_overshoot, max_settling, max_droop, min_reserve))
-    battery = _with_unstable(battery) if run_unstable else battery
+    asked = _with_unstable(battery) if run_unstable else battery
     plants = {plant.name: plant, **spread_engine(plant, spread)}
     with shell.progress("acceptance") as progress:
-        found = accept(plants, judged, _places(throttle, load), battery, workers=workers, progress=progress)
+        found = accept(plants, judged, _places(throttle, load), asked, workers=workers, progress=progress)
     record = acceptance_record(found, engine=plant.name, provenance={"program": f"revline {__version__}", "controller": controller.name})
     shell.write(out, format_json(record), "acceptance")
     _draw(plot, found)

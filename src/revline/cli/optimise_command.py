@@ -103,7 +103,7 @@ def optimise(
             from revline.report.optimum import plot_comparison
 
             units = ("rad per N m", "rad/s per N m") if model is None else ("model's units", "model's units")
-            write_plot(plot, plot_comparison(found, grids[0], unit=units[0], response_unit=units[1]), "optimise")
+            write_plot(plot, plot_comparison(found, unit=units[0], response_unit=units[1]), "optimise")
         shell.show(record, *_comparison_parts(found), text_on=out)
         return
     bounds = _bounds(given)

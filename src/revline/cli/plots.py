@@ -15,8 +15,8 @@ ENDINGS = (".png", ".svg")
 PlotOption = Annotated[Path | None, typer.Option("--plot", metavar="FILE.png|svg", help="Figure to write.")]
 
 
-def check_plot(plot: Path | None) -> None:
-    """Refuse a figure of another form.
+def check_plot(plot: Path | None) -> Path | None:
+    """Give a figure's file back; one of another form is refused.
 
     Raises:
         InvalidInputError: the file's ending is neither .png nor .svg.
@@ -24,6 +24,7 @@ def check_plot(plot: Path | None) -> None:
     if plot is not None and plot.suffix not in ENDINGS:
         message = f"--plot {plot}: a figure is written as {' or '.join(ENDINGS)}; give the file one of these endings"
         raise InvalidInputError(message)
+    return plot
 
 
 def write_plot(plot: Path, figure: "Figure", command: str) -> None:

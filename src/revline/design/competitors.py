@@ -4,13 +4,25 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from revline.design.controller import PidGains
-from revline.design.loop_cost import Cost, LoopGrid, Terms
+from revline.design.loop_cost import Cost, LoopGrid, Terms, find_errors, fit_horizon
 from revline.design.margins import Margins, find_margins
 from revline.design.optimise import Optimum, cost_of, optimise
 from revline.design.optimum_problem import Bounds, Objective, Scale
 from revline.design.tuning_plant import TuningPlant
 from revline.errors import RevlineError
+
+Floats = NDArray[np.float64]
+
+
+class LoadResponse(NamedTuple):
+    """Deviation of the measurement after a unit step of the load: times in s and values, shape (n,)."""
+
+    times: Floats
+    values: Floats
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -22,6 +34,7 @@ class Competitor:
         gains: its own.
         cost: what it costs.
         optimum: the best of its form (PI where it has no derivative) under those bounds.
+        response, best_response: after a unit step of the load, its own and the optimum's.
         margins: of the optimum's exact loop, by another way than the optimisation's.
     """
 
@@ -29,6 +42,8 @@ class Competitor:
     gains: PidGains
     cost: Cost
     optimum: Optimum
+    response: LoadResponse
+    best_response: LoadResponse
     margins: Margins
 
     @property
@@ -91,4 +106,18 @@ def _compete(plant: TuningPlant, grid: LoopGrid, scale: Scale, name: str, gains:
         starts=(Terms(gains.kp, gains.ki, gains.kd, 1.0),),
     )
     margins = find_margins(plant.loop(optimum.gains(gains), filter_time=grid.filter_time))
-    return Competitor(name=name, gains=gains, cost=cost, optimum=optimum, margins=margins)
+    return Competitor(
+        name=name,
+        gains=gains,
+        cost=cost,
+        optimum=optimum,
+        response=_respond(grid, Terms(gains.kp, gains.ki, gains.kd, 1.0)),
+        best_response=_respond(grid, optimum.terms),
+        margins=margins,
+    )
+
+
+def _respond(grid: LoopGrid, terms: Terms) -> LoadResponse:
+    times, load, _ = find_errors(fit_horizon(grid, terms), terms)
+    shown = times <= grid.horizon
+    return LoadResponse(times[shown], load[shown])

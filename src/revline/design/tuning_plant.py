@@ -155,6 +155,8 @@ class TuningPlant:
             InvalidInputError: the plant is stable and its gain is negative.
             AnalysisError: there is no gain up to which the loop is stable and at which it oscillates.
         """
+        if self._size == 0.0:
+            self._require_answer()
         begin = WEAK / self._size
         if self._rises_against and self.loop(self._gains(begin)).stable:
             message = f"{self.name} answers against its input (gain {self.static_gain:g}); turn the sign of the input round and tune again"

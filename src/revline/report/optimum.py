@@ -6,21 +6,22 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from revline.design.competitors import Comparison, Competitor
-from revline.design.loop_cost import LoopGrid, Terms, find_errors, fit_horizon
 from revline.errors import InvalidInputError
 from revline.report.style import BLUE, VERMILION, WIDE, Quantity, add_legend, drawn, finish_layout, label_axes, new_figure, use_log
 
 PEAK: Final = Quantity("maximum sensitivity Ms", "1")
 TIME: Final = Quantity("time after the load's step", "s")
 
+SHOWN: Final = 2.0
+"""So many seconds of a response are shown at most."""
+
 
 @drawn
-def plot_comparison(found: Comparison, grid: LoopGrid, *, unit: str = "rad per N m", response_unit: str = "rad/s per N m") -> Figure:
+def plot_comparison(found: Comparison, *, unit: str = "rad per N m", response_unit: str = "rad/s per N m") -> Figure:
     """Draw maximum sensitivity against load error of each controller, with an arrow to its optimum, and the responses of the worst ratio.
 
     Args:
         found: at least one controller and its optimum.
-        grid: of the plant that they were compared on.
         unit: of the load error.
         response_unit: of the response to a unit step of the load.
 
@@ -33,7 +34,7 @@ def plot_comparison(found: Comparison, grid: LoopGrid, *, unit: str = "rad per N
     figure = new_figure(height=4.0, width=WIDE)
     left, right = figure.subplots(1, 2, width_ratios=(3, 2))
     _draw_plane(left, found, Quantity("integrated load error", unit))
-    _draw_responses(right, min(found.competitors, key=lambda one: one.ratio), grid, Quantity("speed after a unit load", response_unit))
+    _draw_responses(right, min(found.competitors, key=lambda one: one.ratio), Quantity("speed after a unit load", response_unit))
     add_legend(figure, columns=4)
     finish_layout(figure)
     return figure
@@ -72,13 +73,8 @@ def _draw_plane(axes: Axes, found: Comparison, error: Quantity) -> None:
     axes.margins(x=0.3, y=0.1)
 
 
-def _draw_responses(axes: Axes, one: Competitor, grid: LoopGrid, response: Quantity) -> None:
-    gains = one.gains
-    for terms, label, colour in (
-        (Terms(gains.kp, gains.ki, gains.kd, 1.0), one.name, VERMILION),
-        (one.optimum.terms, f"optimum of {one.name}", BLUE),
-    ):
-        times, load, _ = find_errors(fit_horizon(grid, terms), terms)
-        axes.plot(times, load, color=colour, label=label)
-    axes.set_xlim(0.0, min(2.0, float(grid.horizon)))
+def _draw_responses(axes: Axes, one: Competitor, response: Quantity) -> None:
+    for curve, label, colour in ((one.response, one.name, VERMILION), (one.best_response, f"optimum of {one.name}", BLUE)):
+        axes.plot(curve.times, curve.values, color=colour, label=label)
+    axes.set_xlim(0.0, min(SHOWN, float(one.response.times[-1])))
     label_axes(axes, TIME, response)

@@ -1,14 +1,13 @@
 """The study's controllers and every tuning rule beside the optimum of their form, and the ultimate gain by every way."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any
 
 from revline.analysis.linearize import linearize
 from revline.analysis.trim import Trim
 from revline.design.competitors import Comparison, Competitor, compare_with_competitors
-from revline.design.loop_cost import LoopGrid
 from revline.design.optimum_problem import find_scale, make_grid
 from revline.design.relay import RelayTask
 from revline.design.rule_comparison import RefusedRule, compare_rules
@@ -39,14 +38,12 @@ class RivalsResult:
     """Controllers beside their optima on the engine's exact linear model at the operating point, and its ultimate gain.
 
     Attributes:
-        grid: on which their errors are computed.
         compared: controllers of the study, then rules.
         refused: rules that are not for this engine.
         ultimate: the ultimate gain by every way; nothing where it was not found.
         missing: what was not found.
     """
 
-    grid: LoopGrid
     compared: Comparison
     refused: tuple[RefusedRule, ...]
     ultimate: tuple[UltimateComparison, ...]
@@ -68,8 +65,9 @@ def find_rivals(engine: DelaySystem, point: PointResult, controllers: Controller
     grid, rules = make_grid(plant.plant), compare_rules(plant)
     rivals = {title(name): controllers.gains[name] for name in CONTROLLERS} | {one.rule: one.gains for one in rules.tuned}
     compared = compare_with_competitors(plant, grid, find_scale(plant), MappingProxyType(rivals))
+    kept = replace(compared, competitors=tuple(replace(one, optimum=replace(one.optimum, grids=())) for one in compared.competitors))
     ultimate, missing = attempt("ultimate gain", lambda: compare_ultimate_points(engine, point.trim, RELAY, command=SMALL_STEP))
-    return RivalsResult(grid=grid, compared=compared, refused=rules.refused, ultimate=ultimate, missing=missing)
+    return RivalsResult(compared=kept, refused=rules.refused, ultimate=ultimate, missing=missing)
 
 
 def plant_at(engine: DelaySystem, trim: Trim) -> TuningPlant:
@@ -93,7 +91,7 @@ def rivals_fields(found: RivalsResult, *, engine: str, place: tuple[float, float
 
 def rivals_figure(found: RivalsResult) -> FigureCall:
     """The figure of controllers beside their optima."""
-    return to_draw(plot_comparison, found.compared, found.grid)
+    return to_draw(plot_comparison, found.compared)
 
 
 def rivals_words(found: RivalsResult) -> str:

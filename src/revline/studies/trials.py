@@ -93,7 +93,8 @@ def try_controllers(
         summary, reasons = attempt(name, lambda c=controller, p=places, b=battery: _try(plants, c, p, b))  # type: ignore[misc]  # loop's values
         missing += reasons
         trials += [Trial(name, law_of(controller).setpoint_weight, one) for one in summary]
-    return TrialsResult(optimum=optimum, trials=tuple(trials), missing=missing)
+    kept = tuple(replace(best, grids=()) for best in optimum)
+    return TrialsResult(optimum=kept, trials=tuple(trials), missing=missing)
 
 
 def _try(
