@@ -122,7 +122,7 @@ def test_every_figure_has_a_call_and_a_caption(config: StudyConfig, results: Stu
 
 def test_every_table_column_names_its_unit(config: StudyConfig, results: StudyResults) -> None:
     words = {"model", "verdict", "controller", "plant", "rule", "designed_on", "outcome", "text", "stable"}
-    units = ("_s", "_deg", "_rad_s", "_kpa", "_1", "_db", "_rad_s_deg", "_rad_deg", "_s0", "_s1", "_s2", "_s3", "_s4")
+    units = ("_s", "_deg", "_rad_s", "_kpa", "_1", "_db", "_n_m", "_rad_s_deg", "_rad_deg", "_s0", "_s1", "_s2", "_s3", "_s4")
     for table in study_tables(config, results):
         for column in table.columns:
             assert column.header in words or column.header.endswith((*units, "_deg_s_rad", "_deg_rad", "_deg_s2_rad")), column.header
