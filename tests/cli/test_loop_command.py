@@ -261,8 +261,17 @@ def test_a_sampled_controller_on_a_model(revline: Command, lag: Path, tmp_path: 
 
 
 def test_a_gain_schedule_runs_with_the_gains_of_each_sample(revline: Command, g1: Path, tmp_path: Path) -> None:
-    axes = [{"name": "engine_speed", "unit": "rad/s", "values": [100, 400]}, {"name": "load_torque", "unit": "N m", "values": [0, 40]}]
-    tables = {"kp": [[0.2, 0.2], [0.5, 0.5]], "ki": [[0.4, 0.4], [1.5, 1.5]], "kd": [[0, 0], [0, 0]]}
+    speeds, loads = [100, 160, 220, 280, 340, 400], [0, 10, 20, 40]  # as many as the study's schedule has, to share its kernel
+    axes = [
+        {"name": "engine_speed", "unit": "rad/s", "values": speeds},
+        {"name": "load_torque", "unit": "N m", "values": loads},
+    ]
+    parts = [(speed - 100) / 300 for speed in speeds]
+    tables = {
+        "kp": [[0.2 + 0.3 * part] * len(loads) for part in parts],
+        "ki": [[0.4 + 1.1 * part] * len(loads) for part in parts],
+        "kd": [[0] * len(loads) for _ in parts],
+    }
     powers = {"kp": 0, "ki": 0, "kd": 0}
     schedule = write_file(tmp_path, kp_unit="deg/(rad/s)", schedule={"axes": axes, **tables, "powers_of_first_axis": powers})
     samples = tmp_path / "samples.csv"
