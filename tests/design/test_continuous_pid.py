@@ -20,21 +20,13 @@ from revline.design.open_loop import open_loop_of_model, open_loop_of_system
 from revline.design.pid_controller import AntiWindup, PidController
 from revline.errors import InvalidInputError
 from revline.lti.interconnection import to_state_space
-from revline.lti.transfer_function import TransferFunction
 from revline.sampled import FixedRate
+from tests.design.controllers import delayed_lag
 
 Floats = NDArray[np.float64]
 
 GAIN, LAG, DELAY, BASE, REST = 12.0, 0.5, 0.05, 25.0, 240.0
-MODEL = TransferFunction(
-    numerator=(GAIN,),
-    denominator=(1.0, LAG),
-    delay=DELAY,
-    input_name="throttle",
-    input_unit="deg",
-    output_name="speed",
-    output_unit="rad/s",
-)
+MODEL = delayed_lag(DELAY, gain=GAIN, lag=LAG)
 GAINS = PidGains(kp=0.5, ki=1.2, kd=0.02, input_unit="rad/s", output_unit="deg", rule="by hand", designed_on="a lag")
 
 

@@ -16,20 +16,11 @@ from revline.design.open_loop import open_loop_of_model
 from revline.design.pid_controller import PidController
 from revline.engine.lee1995 import lee1995
 from revline.errors import InvalidInputError
-from revline.lti.transfer_function import TransferFunction
 from revline.sampled import CrankSynchronous, FixedRate
-from tests.design.controllers import C2D
+from tests.design.controllers import C2D, delayed_lag
 
 PERIOD = 0.02
-LAG = TransferFunction(
-    numerator=(12.0,),
-    denominator=(1.0, 0.5),
-    delay=0.033,
-    input_name="throttle",
-    input_unit="deg",
-    output_name="speed",
-    output_unit="rad/s",
-)
+LAG = delayed_lag(0.033)
 SECOND = replace(LAG, denominator=(1.0, 0.55, 0.034))
 PROPORTIONAL = PidGains(kp=0.3, ki=0.0, kd=0.0, input_unit="rad/s", output_unit="deg", rule="by hand", designed_on="a lag")
 PI = replace(PROPORTIONAL, ki=0.8)

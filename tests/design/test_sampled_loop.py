@@ -20,20 +20,11 @@ from revline.design.sampled_loop import Disturbance, SampledRun, SampledTask, ru
 from revline.design.scheduled_pid import law_of
 from revline.engine.lee1995 import lee1995
 from revline.errors import InvalidInputError, StoppedError
-from revline.lti.transfer_function import TransferFunction
 from revline.sampled import CrankSynchronous, FixedRate
-from tests.design.controllers import C2D
+from tests.design.controllers import C2D, delayed_lag
 
 GAIN, LAG, DELAY, BASE, REST = 12.0, 0.5, 0.0213, 25.0, 240.0
-MODEL = TransferFunction(
-    numerator=(GAIN,),
-    denominator=(1.0, LAG),
-    delay=DELAY,
-    input_name="throttle",
-    input_unit="deg",
-    output_name="speed",
-    output_unit="rad/s",
-)
+MODEL = delayed_lag(DELAY, gain=GAIN, lag=LAG)
 GAINS = PidGains(kp=0.8, ki=1.5, kd=0.02, input_unit="rad/s", output_unit="deg", rule="by hand", designed_on="a lag")
 
 

@@ -20,20 +20,11 @@ from revline.design.sampled_loop import Disturbance
 from revline.design.sampled_step import SampledStep, run_sampled_linear_step, run_sampled_step
 from revline.engine.lee1995 import lee1995
 from revline.errors import InvalidInputError, NotSettledError
-from revline.lti.transfer_function import TransferFunction
 from revline.sampled import CrankSynchronous, FixedRate
 from revline.system import DelaySystem
-from tests.design.controllers import C2D
+from tests.design.controllers import C2D, delayed_lag
 
-MODEL = TransferFunction(
-    numerator=(12.0,),
-    denominator=(1.0, 0.5),
-    delay=0.0213,
-    input_name="throttle",
-    input_unit="deg",
-    output_name="speed",
-    output_unit="rad/s",
-)
+MODEL = delayed_lag(0.0213)
 GAINS = PidGains(kp=0.8, ki=1.5, kd=0.005, input_unit="rad/s", output_unit="deg", rule="by hand", designed_on="a lag")
 NOISE = Disturbance(noise=0.2, jitter=1e-4, seed=4)
 

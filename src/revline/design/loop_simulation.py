@@ -4,8 +4,8 @@ A run that meets a lag shorter than its step is made again with a smaller one; w
 """
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ from revline.errors import LagError, SimulationError, StalledError, StepError, o
 from revline.system import DelaySystem
 
 Floats = NDArray[np.float64]
+
+Result = TypeVar("Result")
 
 HALVINGS = 4
 """How many times the step is halved where a run fails by a lag that is not merely shorter than the step."""
@@ -60,6 +62,14 @@ class Mesh(NamedTuple):
     pieces: int = 1
 
 
+class Ended(NamedTuple, Generic[Result]):
+    """What a run gave as far as it went, its step in s, and what ended it before its time, if anything did."""
+
+    result: Result
+    step: float
+    failure: SimulationError | None
+
+
 def simulate_loop(
     loop: DelaySystem, start: Start, command: float, mesh: Mesh, *, measured: int, loads: Sequence[tuple[str, signals.Signal]] = ()
 ) -> LoopRecord:
@@ -80,7 +90,12 @@ def simulate_loop(
     """
     check_steps(mesh)
     drive = {**dict(loads), loop.inputs[-1].name: signals.step(command)}
-    record, failure = _simulate_as_far_as_it_goes(loop, start, drive, mesh)
+
+    def run(mesh: Mesh) -> Trajectory:
+        step = mesh.spacing / mesh.pieces
+        return simulate(loop, start, drive, until=mesh.until, step=step, options=Options(every=mesh.pieces))
+
+    record, _, failure = run_as_far_as_it_goes(run, mesh)
     trace = LoopTrace(
         times=record.times,
         output=record.outputs[:, measured],
@@ -108,17 +123,25 @@ def check_steps(mesh: Mesh) -> None:
         )
 
 
-def _simulate_as_far_as_it_goes(
-    loop: DelaySystem, start: Start, drive: dict[str, signals.Signal], mesh: Mesh, halvings: int = HALVINGS
-) -> tuple[Trajectory, SimulationError | None]:
+def run_as_far_as_it_goes(run: Callable[[Mesh], Result], mesh: Mesh, halvings: int = HALVINGS) -> Ended[Result]:
+    """Run to the end or to what fails, with smaller steps where a lag fails otherwise than by being shorter than the step.
+
+    Args:
+        run: simulates the loop as long and as finely as a mesh says.
+        mesh: how far and how finely at first.
+        halvings: of the step, at most.
+
+    Raises:
+        SimulationError: it fails at once, or at a step that can not be taken.
+    """
     step = mesh.spacing / mesh.pieces
     try:
-        return simulate(loop, start, drive, until=mesh.until, step=step, options=Options(every=mesh.pieces)), None
+        return Ended(run(mesh), step, None)
     except StepError:
         raise
     except LagError as error:
         if halvings > 0:
-            return _simulate_as_far_as_it_goes(loop, start, drive, mesh._replace(pieces=2 * mesh.pieces), halvings - 1)
+            return run_as_far_as_it_goes(run, mesh._replace(pieces=2 * mesh.pieces), halvings - 1)
         failure: SimulationError = error
     except SimulationError as error:
         failure = error
@@ -129,7 +152,7 @@ def _simulate_as_far_as_it_goes(
     every = mesh.pieces if count // mesh.pieces >= LEAST_STEPS else 1
     if count < LEAST_STEPS:
         count, step = LEAST_STEPS, lasted / (LEAST_STEPS + 2)
-    return simulate(loop, start, drive, until=count * step, step=step, options=Options(every=every)), failure
+    return Ended(run(Mesh(count * step, every * step, every)), step, failure)
 
 
 def keep_finite(trace: LoopTrace) -> LoopTrace:

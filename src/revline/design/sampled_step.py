@@ -16,12 +16,12 @@ from revline.design.closed_loop import OF_LINEAR_MODEL, SPEED_BY_THROTTLE, LoopS
 from revline.design.controller_samples import DisturbedRun, Samples
 from revline.design.linear_plant import held_plant, step_limit
 from revline.design.loop_run import Limits, LoopFrame, LoopRun, LoopTask, describe_form, judge_loop, refuse_creep
-from revline.design.loop_simulation import HALVINGS, LEAST_STEPS, LoopRecord, LoopTrace, Mesh, check_steps, keep_finite
+from revline.design.loop_simulation import LoopRecord, LoopTrace, Mesh, check_steps, keep_finite, run_as_far_as_it_goes
 from revline.design.outcome import LimitCycle
 from revline.design.pid_controller import Continuous, PidController
 from revline.design.sampled_loop import Disturbance, SampledRun, SampledTask, run_sampled_loop, with_command
 from revline.design.scheduled_pid import AnyController, ScheduledController
-from revline.errors import InvalidInputError, LagError, NotSettledError, SimulationError, StepError, out_of_range
+from revline.errors import InvalidInputError, NotSettledError, SimulationError, out_of_range
 from revline.lti.transfer_function import TransferFunction
 from revline.system import DelaySystem
 from revline.units import Seconds
@@ -204,34 +204,19 @@ def _frame(loop: _Loop, name: str) -> LoopFrame:
     return LoopFrame(name, law.gains, describe_form(law), Limits(law.low, law.high), start=loop.point.measurement, rest=rest)
 
 
-def _run_as_far_as_it_goes(loop: _Loop, task: LoopTask, mesh: Mesh, disturbance: Disturbance, halvings: int = HALVINGS) -> _Outcome:
-    """Run to the end or to what fails, with smaller steps where a lag fails otherwise than by being shorter than the step."""
-    step = mesh.spacing / mesh.pieces
-
-    def run(until: float, size: float, every: int) -> SampledRun:
+def _run_as_far_as_it_goes(loop: _Loop, task: LoopTask, mesh: Mesh, disturbance: Disturbance) -> _Outcome:
+    def run(mesh: Mesh) -> SampledRun:
         asked = SampledTask(
-            command=signals.step(task.command), until=until, step=size, disturbance=disturbance, loads=dict(task.loads), every=every
+            command=signals.step(task.command),
+            until=mesh.until,
+            step=mesh.spacing / mesh.pieces,
+            disturbance=disturbance,
+            loads=dict(task.loads),
+            every=mesh.pieces,
         )
         return run_sampled_loop(loop.plant, loop.point, loop.controller, asked, wires=loop.wires)
 
-    try:
-        return _outcome(run(mesh.until, step, mesh.pieces), step, None)
-    except StepError:
-        raise
-    except LagError as error:
-        if halvings > 0:
-            return _run_as_far_as_it_goes(loop, task, mesh._replace(pieces=2 * mesh.pieces), disturbance, halvings - 1)
-        failure: SimulationError = error
-    except SimulationError as error:
-        failure = error
-    lasted = float(failure.details["time"])
-    if lasted <= 0.0:
-        raise failure
-    count = math.floor(lasted / step + 1e-9)
-    every = mesh.pieces if count // mesh.pieces >= LEAST_STEPS else 1
-    if count < LEAST_STEPS:
-        count, step = LEAST_STEPS, lasted / (LEAST_STEPS + 2)
-    return _outcome(run(count * step, step, every), step, failure)
+    return _outcome(*run_as_far_as_it_goes(run, mesh))
 
 
 def _outcome(run: SampledRun, step: float, failure: SimulationError | None) -> _Outcome:
