@@ -8,8 +8,8 @@ from revline.analysis.linearize import linearize
 from revline.analysis.threads import run_all
 from revline.analysis.trim import find_trim
 from revline.design.acceptance_runs import Measures, Probe, measure_run
-from revline.design.closed_loop import operating_point
 from revline.design.controller import PidGains
+from revline.design.loop_signals import operating_point
 from revline.design.optimise import Optimum, optimise
 from revline.design.optimum_problem import Bounds, Objective, find_scale, make_grid
 from revline.design.pid_controller import PidController

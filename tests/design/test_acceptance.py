@@ -13,10 +13,10 @@ from revline.analysis.linearize import linearize
 from revline.analysis.trim import find_trim
 from revline.design.acceptance import Acceptance, Battery, Kind, OfUnstable, Requirements, accept
 from revline.design.acceptance_runs import Probe, measure_run
-from revline.design.closed_loop import operating_point
 from revline.design.controller import PidGains
 from revline.design.discrete_loop import find_discrete_margins, sampled_plant_of_system
 from revline.design.gain_reserve import RESOLUTION, GainReserve, ReserveSearch, find_gain_reserve
+from revline.design.loop_signals import operating_point
 from revline.design.pid_controller import PidController
 from revline.design.run_ending import Ending, Seen, judge_ending
 from revline.design.sampled_loop import Disturbance, SampledTask, run_sampled_loop

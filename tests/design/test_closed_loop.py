@@ -10,21 +10,10 @@ from scipy.signal import lsim
 
 from revline.analysis.trim import find_trim
 from revline.design.classify import Criteria
-from revline.design.closed_loop import (
-    FORM,
-    OF_LINEAR_MODEL,
-    Limits,
-    LoopSignals,
-    LoopTask,
-    OperatingPoint,
-    describe_outcome,
-    operating_point,
-    run_linear_loop,
-    run_loop,
-    trace_linear_loop,
-)
+from revline.design.closed_loop import FORM, Limits, LoopTask, describe_outcome, run_linear_loop, run_loop, trace_linear_loop
 from revline.design.controller import PidGains
 from revline.design.linear_plant import linear_plant
+from revline.design.loop_signals import OF_LINEAR_MODEL, LoopSignals, OperatingPoint, operating_point
 from revline.design.outcome import Diverged, LimitCycle, Settled, Stalled
 from revline.engine.lee1995 import lee1995
 from revline.errors import DivergedError, InvalidInputError, NotSettledError, StepError

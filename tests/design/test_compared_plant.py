@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from revline.design.closed_loop import OF_LINEAR_MODEL
 from revline.design.compared_plant import ComparedPlant, constant_weight, controller_weight, plant_of_model, plant_of_system
 from revline.design.controller import PidGains
+from revline.design.loop_signals import OF_LINEAR_MODEL
 from revline.design.nu_gap import find_nu_gap, judge_controller
 from revline.errors import AnalysisError, InvalidInputError, NotConvergedError
 from revline.lti.interconnection import to_state_space

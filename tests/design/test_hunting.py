@@ -10,9 +10,10 @@ from revline.analysis.kinked_cycles import find_kinked_cycle
 from revline.analysis.linearize import linearize
 from revline.analysis.trim import Trim, find_trim
 from revline.design import hunting, onset
-from revline.design.closed_loop import Limits, LoopRun, LoopTask, OperatingPoint, operating_point, run_loop
+from revline.design.closed_loop import Limits, LoopRun, LoopTask, run_loop
 from revline.design.controller import PidGains
 from revline.design.hunting import HuntingOrbit, UnrefinedCycle, confirm_cycle, refine_cycle, run_to_its_end
+from revline.design.loop_signals import OperatingPoint, operating_point
 from revline.design.onset import RayTask, find_onset
 from revline.design.outcome import LimitCycle, Settled
 from revline.engine.lee1995 import lee1995

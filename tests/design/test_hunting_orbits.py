@@ -7,8 +7,9 @@ from revline import signals
 from revline.analysis.limit_cycles import CycleGuess, find_cycle, judge_cycle
 from revline.analysis.trim import find_trim
 from revline.dde.simulate import Start, simulate
-from revline.design.closed_loop import SPEED_BY_THROTTLE, Limits, close_loop, operating_point
+from revline.design.closed_loop import Limits, close_loop
 from revline.design.controller import PidGains
+from revline.design.loop_signals import SPEED_BY_THROTTLE, operating_point
 from revline.engine.lee1995 import lee1995
 from revline.system import index_of
 

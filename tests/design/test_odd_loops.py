@@ -6,16 +6,10 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from revline.design.closed_loop import (
-    LoopRun,
-    LoopSignals,
-    LoopTask,
-    OperatingPoint,
-    run_linear_loop,
-    run_loop,
-)
+from revline.design.closed_loop import LoopRun, LoopTask, run_linear_loop, run_loop
 from revline.design.controller import PidGains
 from revline.design.linear_plant import linear_plant
+from revline.design.loop_signals import LoopSignals, OperatingPoint
 from revline.design.loop_simulation import describe_stall
 from revline.design.outcome import Stalled
 from revline.equations import equation

@@ -11,8 +11,8 @@ import pytest
 from scipy.optimize import brentq
 
 from revline.analysis.trim import Trim, find_trim
-from revline.design.closed_loop import operating_point
 from revline.design.controller import PidGains
+from revline.design.loop_signals import operating_point
 from revline.design.open_loop import OpenLoop, open_loop_of_model
 from revline.design.relay import RelayTask, predict_relay, run_relay
 from revline.design.tuning_plant import tuning_plant

@@ -12,9 +12,10 @@ from revline import signals
 from revline.analysis.trim import find_trim
 from revline.dde.kernel import STANDARD, Method, Propagation
 from revline.dde.simulate import Options
-from revline.design.closed_loop import OF_LINEAR_MODEL, Limits, LoopTask, OperatingPoint, operating_point, run_loop
+from revline.design.closed_loop import Limits, LoopTask, run_loop
 from revline.design.controller import PidGains
 from revline.design.linear_plant import linear_plant
+from revline.design.loop_signals import OF_LINEAR_MODEL, OperatingPoint, operating_point
 from revline.design.pid_controller import AntiWindup, Continuous, PidController
 from revline.design.sampled_loop import Disturbance, SampledRun, SampledTask, run_sampled_loop, with_command
 from revline.design.scheduled_pid import law_of

@@ -9,11 +9,12 @@ import pytest
 
 from revline import signals
 from revline.analysis.trim import find_trim
-from revline.design.closed_loop import OperatingPoint, operating_point, run_loop
+from revline.design.closed_loop import run_loop
 from revline.design.controller import PidGains
 from revline.design.discrete_loop import find_discrete_margins, sampled_plant_of_model
 from revline.design.load_response import LoadStep, measure_load_response
 from revline.design.loop_run import Limits, LoopTask, describe_form
+from revline.design.loop_signals import OperatingPoint, operating_point
 from revline.design.outcome import Diverged, LimitCycle, Settled, Stalled
 from revline.design.pid_controller import AntiWindup, PidController
 from revline.design.sampled_loop import Disturbance

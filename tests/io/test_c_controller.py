@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from revline import signals
 from revline.analysis.trim import find_trim
-from revline.design.closed_loop import operating_point
 from revline.design.gain_schedule import GainSchedule, Scaling
+from revline.design.loop_signals import operating_point
 from revline.design.pid_controller import AntiWindup, PidController
 from revline.design.pid_update import ROUNDING_SINGLE, sampled_pid
 from revline.design.sampled_loop import Disturbance, SampledRun, SampledTask, run_sampled_loop

@@ -50,8 +50,9 @@ def limit_cycle(
     settles, diverges or stalls, that is the result.
     """
     from revline.analysis.trim import find_trim
-    from revline.design.closed_loop import Limits, LoopTask, describe_outcome, operating_point
+    from revline.design.closed_loop import Limits, LoopTask, describe_outcome
     from revline.design.hunting import refine_cycle, run_to_its_end
+    from revline.design.loop_signals import operating_point
     from revline.design.outcome import LimitCycle
     from revline.engine.lee1995 import lee1995_parameters
     from revline.io.cycle_records import onset_record, run_record

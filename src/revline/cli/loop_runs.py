@@ -135,8 +135,9 @@ def _controller(path: Path, options: LoopOptions) -> "AnyController":
 
 
 def _run_engine(controller: "AnyController", task: "LoopTask", options: LoopOptions) -> LoopResult:
-    from revline.design.closed_loop import operating_point, run_loop
+    from revline.design.closed_loop import run_loop
     from revline.design.linear_verdict import judge_linear_system
+    from revline.design.loop_signals import operating_point
     from revline.design.sampled_step import local_law, run_sampled_step
     from revline.design.scheduled_pid import ScheduledController, law_of
     from revline.engine.lee1995 import lee1995_parameters

@@ -13,9 +13,9 @@ from revline.analysis.linearize import linearize
 from revline.analysis.threads import run_all
 from revline.analysis.trim import Trim, find_trim
 from revline.design.acceptance_runs import Measures, Probe, measure_run, refuse_probe
-from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals, OperatingPoint, operating_point
 from revline.design.discrete_loop import DiscreteMargins, find_discrete_margins, sampled_plant_of_system
 from revline.design.gain_reserve import GainReserve, ReserveSearch, find_gain_reserve
+from revline.design.loop_signals import SPEED_BY_THROTTLE, LoopSignals, OperatingPoint, operating_point
 from revline.design.pid_controller import Continuous, PidController
 from revline.design.pid_update import sampled_pid
 from revline.design.sampled_loop import Disturbance, SampledTask, run_sampled_loop

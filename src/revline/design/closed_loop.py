@@ -4,13 +4,11 @@ Law and conventions: `revline.design.pid_system`; the command is a true step at 
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from revline.analysis.trim import Trim
 from revline.connection import connect
 from revline.dde.simulate import Start
 from revline.design.continuous_pid import continuous_pid, filter_state
@@ -29,6 +27,7 @@ from revline.design.loop_run import (
     judge_loop,
     refuse_creep,
 )
+from revline.design.loop_signals import OF_LINEAR_MODEL, SPEED_BY_THROTTLE, LoopSignals, OperatingPoint
 from revline.design.loop_simulation import LoopRecord, LoopTrace, Mesh, check_steps, keep_finite, simulate_loop
 from revline.design.pid_controller import AnyPid, PidController, continuous_law
 from revline.design.pid_system import pid_system
@@ -39,16 +38,11 @@ from revline.system import DelaySystem, index_of
 __all__ = (
     "FORM",
     "MISSED",
-    "OF_LINEAR_MODEL",
-    "SPEED_BY_THROTTLE",
     "Limits",
     "LoopRun",
-    "LoopSignals",
     "LoopTask",
-    "OperatingPoint",
     "close_loop",
     "describe_outcome",
-    "operating_point",
     "run_linear_loop",
     "run_loop",
     "trace_linear_loop",
@@ -58,37 +52,6 @@ Floats = NDArray[np.float64]
 
 LARGEST_EXPONENT = 300.0
 """An unstable loop is followed until it has grown by e to this: far beyond any bound, and within the range of numbers."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LoopSignals:
-    """Names of the signals that close a loop: what the controller drives, what it measures, and that signal's rate."""
-
-    drive: str
-    measurement: str
-    measurement_rate: str
-
-
-SPEED_BY_THROTTLE = LoopSignals(drive="throttle", measurement="engine_speed", measurement_rate="engine_acceleration")
-"""Engine speed controlled by the throttle."""
-
-OF_LINEAR_MODEL = LoopSignals(drive="input", measurement="output", measurement_rate="output_rate")
-"""The signals of `linear_plant`."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class OperatingPoint:
-    """Where a loop starts: states, inputs and measurement at rest."""
-
-    states: Floats
-    inputs: Mapping[str, float]
-    measurement: float
-
-
-def operating_point(trim: Trim, wires: LoopSignals = SPEED_BY_THROTTLE) -> OperatingPoint:
-    """Start a loop from a trim."""
-    inputs = {variable.name: trim.input(variable.name) for variable in trim.input_variables}
-    return OperatingPoint(states=trim.states, inputs=inputs, measurement=trim.output(wires.measurement))
 
 
 def run_loop(

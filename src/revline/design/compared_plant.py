@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals
 from revline.design.controller import PidGains
+from revline.design.loop_signals import SPEED_BY_THROTTLE, LoopSignals
 from revline.design.open_loop import open_loop_of_model, open_loop_of_system
 from revline.errors import InvalidInputError, out_of_range
 from revline.lti.roots import axis_widths, characteristic_roots

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from revline.design.axis_grid import follow, highest, roots_between
-from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals
 from revline.design.held_model import Held, held_model
+from revline.design.loop_signals import SPEED_BY_THROTTLE, LoopSignals
 from revline.design.margins import Margins, Peak, PhaseCrossover, gain_crossover, phase_sine
 from revline.design.pid_controller import Continuous, PidController
 from revline.errors import InvalidInputError, NotConvergedError, out_of_range

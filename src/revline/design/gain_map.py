@@ -16,10 +16,10 @@ from revline.analysis.linearize import linearize
 from revline.analysis.threads import Failure, Progress, run_each
 from revline.analysis.trim import Trim, find_trim
 from revline.design.best_gains import BestGains, best_gains
-from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals
 from revline.design.gain_columns import Ellipses, GainColumns, check_peak, find_ellipses, intersect_columns, peak_columns, stable_columns
 from revline.design.gain_region import GainRegion, find_gain_region
 from revline.design.loop_family import family_of_system
+from revline.design.loop_signals import SPEED_BY_THROTTLE, LoopSignals
 from revline.errors import AnalysisError, InvalidInputError, NoTrimError, RevlineError
 from revline.system import DelaySystem, Variable, index_of
 from revline.values import make_read_only

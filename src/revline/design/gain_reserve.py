@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from revline import signals
-from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals, OperatingPoint
+from revline.design.loop_signals import SPEED_BY_THROTTLE, LoopSignals, OperatingPoint
 from revline.design.run_ending import Ending, Seen, judge_ending
 from revline.design.sampled_loop import SampledRun, SampledTask, run_sampled_loop
 from revline.design.scheduled_pid import AnyController, scaled_controller

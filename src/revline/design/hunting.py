@@ -13,8 +13,9 @@ from revline.analysis.harmonic_balance import BalanceSettings
 from revline.analysis.kinked_cycles import KinkedCycle, find_kinked_cycle
 from revline.analysis.limit_cycles import CycleGuess, find_cycle
 from revline.dde.simulate import Start, simulate
-from revline.design.closed_loop import SPEED_BY_THROTTLE, Limits, LoopRun, LoopSignals, LoopTask, OperatingPoint, close_loop, run_loop
+from revline.design.closed_loop import Limits, LoopRun, LoopTask, close_loop, run_loop
 from revline.design.controller import PidGains
+from revline.design.loop_signals import SPEED_BY_THROTTLE, LoopSignals, OperatingPoint
 from revline.design.outcome import LimitCycle
 from revline.design.ray_loop import close_ray
 from revline.errors import AnalysisError, InvalidInputError, NotConvergedError, NotSettledError, out_of_range

@@ -12,8 +12,8 @@ import numpy as np
 
 from revline.analysis.linearize import linearize
 from revline.analysis.trim import Trim
-from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals
 from revline.design.discrete_loop import Transfer, find_discrete_margins, sampled_plant_of_model, sampled_plant_of_system
+from revline.design.loop_signals import SPEED_BY_THROTTLE, LoopSignals
 from revline.design.margins import Margins, find_margins
 from revline.design.open_loop import OpenLoop, open_loop_of_model, open_loop_of_system
 from revline.design.pid_controller import Continuous, PidController

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals
 from revline.design.controller import PidGains
 from revline.design.gain_curve import AXIS, Contour, Inverse, LoopFamily
+from revline.design.loop_signals import SPEED_BY_THROTTLE, LoopSignals
 from revline.design.open_loop import OpenLoop, open_loop_of_model, open_loop_of_system
 from revline.errors import InvalidInputError
 from revline.lti.interconnection import feed_back, select, to_state_space

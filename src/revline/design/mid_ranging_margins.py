@@ -11,8 +11,8 @@ import numpy as np
 from revline.analysis.linearize import linearize
 from revline.analysis.trim import Trim
 from revline.connection import connect
-from revline.design.closed_loop import LoopSignals
 from revline.design.controller import PidGains
+from revline.design.loop_signals import LoopSignals
 from revline.design.margins import Margins, find_margins
 from revline.design.mid_ranging import MidRangingDesign
 from revline.design.one_input import TwoInputSignals

@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from revline.analysis.linearize import linearize
 from revline.analysis.threads import Failure, Progress, run_each
 from revline.analysis.trim import Trim, find_trim
-from revline.design.closed_loop import SPEED_BY_THROTTLE, Limits, LoopSignals, LoopTask, operating_point, run_loop
+from revline.design.closed_loop import Limits, LoopTask, run_loop
 from revline.design.controller import PidGains
 from revline.design.gain_rays import place_gains
 from revline.design.gain_region import GainRegion, find_gain_region
 from revline.design.loop_family import family_of_system
+from revline.design.loop_signals import SPEED_BY_THROTTLE, LoopSignals, operating_point
 from revline.design.outcome import LimitCycle, Outcome, Settled
 from revline.errors import NotConvergedError, NotSettledError, out_of_range
 from revline.system import DelaySystem, index_of

@@ -14,9 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from revline.design.closed_loop import LoopSignals
 from revline.design.gain_region import find_gain_region
 from revline.design.loop_family import family_of_system
+from revline.design.loop_signals import LoopSignals
 from revline.design.sensitivity_contour import SensitivityContour, find_sensitivity_contour
 from revline.errors import AnalysisError, InvalidInputError
 from revline.lti.interconnection import select

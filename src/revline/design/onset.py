@@ -18,9 +18,10 @@ from revline.analysis.cycle_branches import BranchAxes, BranchPoint, Onset, foll
 from revline.analysis.kinked_cycles import KinkedCycle, find_kinked_cycle
 from revline.analysis.linearize import linearize
 from revline.analysis.trim import Trim, find_trim
-from revline.design.closed_loop import SPEED_BY_THROTTLE, Limits, LoopSignals, OperatingPoint, operating_point
+from revline.design.closed_loop import Limits
 from revline.design.controller import PidGains
 from revline.design.hunting import loop_inputs
+from revline.design.loop_signals import SPEED_BY_THROTTLE, LoopSignals, OperatingPoint, operating_point
 from revline.design.margins import PhaseCrossover, find_margins
 from revline.design.open_loop import open_loop_of_system
 from revline.design.ray_loop import close_ray

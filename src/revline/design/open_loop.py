@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals
+from revline.design.loop_signals import SPEED_BY_THROTTLE, LoopSignals
 from revline.design.loop_stability import HighFrequencyUnstableLoop, LoopStability, UnstableLoop, judge_loop_stability
 from revline.design.pid_controller import AnyPid, PidController, continuous_law
 from revline.errors import AnalysisError, InvalidInputError

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals
 from revline.design.loop_cost import GAINS, Complexes, Cost, LoopGrid, Source, Terms, find_cost
+from revline.design.loop_signals import SPEED_BY_THROTTLE, LoopSignals
 from revline.design.tuning_plant import TuningPlant
 from revline.errors import InvalidInputError, out_of_range
 from revline.lti.roots import characteristic_roots

@@ -10,8 +10,9 @@ import numpy as np
 
 from revline.analysis.linearize import rate_unit
 from revline.connection import connect
-from revline.design.closed_loop import Limits, LoopSignals, OperatingPoint
+from revline.design.closed_loop import Limits
 from revline.design.controller import PidGains
+from revline.design.loop_signals import LoopSignals, OperatingPoint
 from revline.design.pid_system import PidParameters
 from revline.equations import equation
 from revline.errors import InvalidInputError

@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 from revline import signals
 from revline.dde.simulate import Options, Start
 from revline.dde.simulate_sampled import SampledTrajectory, Sampler, Wiring, simulate_sampled
-from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals, OperatingPoint
+from revline.design.loop_signals import SPEED_BY_THROTTLE, LoopSignals, OperatingPoint
 from revline.design.sampled_loop import COMMAND, with_command
 from revline.design.ultimate import UltimatePoint, UltimateSource
 from revline.equations import equation

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from revline.connection import connect
 from revline.dde.simulate import Options, Start
 from revline.dde.simulate_sampled import SampledTrajectory, Sampler, Wiring, simulate_sampled
-from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals, OperatingPoint
+from revline.design.loop_signals import SPEED_BY_THROTTLE, LoopSignals, OperatingPoint
 from revline.design.pid_controller import Continuous, PidController
 from revline.design.pid_update import sampled_pid
 from revline.design.scheduled_pid import MEASUREMENT_BEFORE, AnyController, ScheduledController, law_of, scheduled_pid

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from revline import signals
-from revline.design.closed_loop import OF_LINEAR_MODEL, SPEED_BY_THROTTLE, LoopSignals, OperatingPoint
 from revline.design.controller_samples import DisturbedRun, Samples
 from revline.design.linear_plant import held_plant, step_limit
 from revline.design.loop_run import Limits, LoopFrame, LoopRun, LoopTask, describe_form, judge_loop, refuse_creep
+from revline.design.loop_signals import OF_LINEAR_MODEL, SPEED_BY_THROTTLE, LoopSignals, OperatingPoint
 from revline.design.loop_simulation import LoopRecord, LoopTrace, Mesh, check_steps, keep_finite, run_as_far_as_it_goes
 from revline.design.outcome import LimitCycle
 from revline.design.pid_controller import Continuous, PidController

@@ -11,8 +11,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals
 from revline.design.controller import PidGains
+from revline.design.loop_signals import SPEED_BY_THROTTLE, LoopSignals
 from revline.design.open_loop import OpenLoop, open_loop_of_model, open_loop_of_system
 from revline.design.step_tangent import StepTangent, TangentReading, measure_step_tangent
 from revline.design.ultimate import UltimatePoint, find_ultimate_point

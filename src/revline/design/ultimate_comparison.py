@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 from revline.analysis.linearize import linearize
 from revline.analysis.trim import Trim
-from revline.design.closed_loop import SPEED_BY_THROTTLE, LoopSignals, operating_point
 from revline.design.controller import PidGains
 from revline.design.discrete_loop import find_discrete_margins, sampled_plant_of_system
 from revline.design.gain_reserve import LARGEST, RESOLUTION, GainReserve, ReserveSearch, find_gain_reserve
+from revline.design.loop_signals import SPEED_BY_THROTTLE, LoopSignals, operating_point
 from revline.design.open_loop import open_loop_of_system
 from revline.design.pid_controller import PidController
 from revline.design.relay import RelayExperiment, RelayPrediction, RelayTask, predict_relay, run_relay
