@@ -22,9 +22,9 @@ from scipy.optimize import brentq
 
 from revline.analysis.linearize import linearize
 from revline.analysis.trim import find_trim
-from revline.design.controller import PidGains
-from revline.design.margins import Margins, find_margins
-from revline.design.open_loop import open_loop_of_model, open_loop_of_system
+from revline.design.controllers.controller import PidGains
+from revline.design.stability.margins import Margins, find_margins
+from revline.design.stability.open_loop import open_loop_of_model, open_loop_of_system
 from revline.engine.lee1995 import lee1995
 from revline.lti.state_space import DelayStateSpace
 from revline.lti.transfer_function import TransferFunction

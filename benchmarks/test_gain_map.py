@@ -3,7 +3,7 @@
 import numpy as np
 from pytest_benchmark.fixture import BenchmarkFixture
 
-from revline.design.gain_map import GainGrid, find_gain_map
+from revline.design.maps.gain_map import GainGrid, find_gain_map
 from revline.engine.lee1995 import lee1995
 
 BUDGET = 5.0

@@ -5,10 +5,10 @@ from pytest_benchmark.fixture import BenchmarkFixture
 
 from revline.analysis.linearize import linearize
 from revline.analysis.trim import find_trim
-from revline.design.gain_curve import LoopFamily
-from revline.design.gain_region import GainRegion, find_gain_region
-from revline.design.loop_family import family_of_system
-from revline.design.sensitivity_contour import find_sensitivity_contour
+from revline.design.regions.gain_curve import LoopFamily
+from revline.design.regions.gain_region import GainRegion, find_gain_region
+from revline.design.regions.loop_family import family_of_system
+from revline.design.regions.sensitivity_contour import find_sensitivity_contour
 from revline.engine.lee1995 import lee1995
 
 REGION_BUDGET = 0.020

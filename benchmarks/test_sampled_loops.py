@@ -7,14 +7,14 @@ from pytest_benchmark.fixture import BenchmarkFixture
 from revline.analysis.linearize import linearize
 from revline.analysis.threads import run_all
 from revline.analysis.trim import find_trim
-from revline.design.acceptance_runs import Measures, Probe, measure_run
-from revline.design.controller import PidGains
-from revline.design.loop_signals import operating_point
-from revline.design.optimise import Optimum, optimise
-from revline.design.optimum_problem import Bounds, Objective, find_scale, make_grid
-from revline.design.pid_controller import PidController
-from revline.design.sampled_loop import Disturbance, SampledTask, run_sampled_loop
-from revline.design.tuning_plant import tuning_plant
+from revline.design.controllers.controller import PidGains
+from revline.design.controllers.pid_controller import PidController
+from revline.design.loops.sampled_loop import Disturbance, SampledTask, run_sampled_loop
+from revline.design.optimum.optimise import Optimum, optimise
+from revline.design.optimum.optimum_problem import Bounds, Objective, find_scale, make_grid
+from revline.design.plants.loop_signals import operating_point
+from revline.design.trials.acceptance_runs import Measures, Probe, measure_run
+from revline.design.tuning.tuning_plant import tuning_plant
 from revline.engine.lee1995 import lee1995
 from revline.sampled import FixedRate
 

@@ -7,15 +7,15 @@ from matplotlib.figure import Figure
 
 from revline.analysis.linearize import linearize
 from revline.analysis.trim import find_trim
-from revline.design.closed_loop import LoopTask, run_linear_loop, run_loop
-from revline.design.compared_plant import plant_of_model, plant_of_system
-from revline.design.controller import PidGains
-from revline.design.load_steps import LoadStep
-from revline.design.mid_ranging import design_mid_ranging
-from revline.design.mid_ranging_comparison import PlantCase, compare_mid_ranging
-from revline.design.model_choice import MODEL_STRUCTURES, fit_structure
-from revline.design.nu_gap import judge_controller
-from revline.design.rules import tune_pi_pole_placement
+from revline.design.controllers.controller import PidGains
+from revline.design.fitting.model_choice import MODEL_STRUCTURES, fit_structure
+from revline.design.loops.closed_loop import LoopTask, run_linear_loop, run_loop
+from revline.design.stability.compared_plant import plant_of_model, plant_of_system
+from revline.design.stability.nu_gap import judge_controller
+from revline.design.tuning.rules import tune_pi_pole_placement
+from revline.design.two_inputs.load_steps import LoadStep
+from revline.design.two_inputs.mid_ranging import design_mid_ranging
+from revline.design.two_inputs.mid_ranging_comparison import PlantCase, compare_mid_ranging
 from revline.lti.transfer_function import TransferFunction
 from revline.report.mid_ranging import plot_load_steps
 from revline.report.nu_gap import plot_nu_gap

@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from revline.design.pid_controller import PidController
-from revline.design.pid_update import sampled_pid
+from revline.design.controllers.pid_controller import PidController
+from revline.design.controllers.pid_update import sampled_pid
 from revline.errors import InvalidInputError
 from revline.sampled import CrankSynchronous, FixedRate, SampledController
-from tests.design.controllers import C2D
+from tests.design.examples import C2D
 
 
 def decides(_: Any, xd: Any, y: Any, *__: Any) -> Any:

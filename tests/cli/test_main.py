@@ -17,9 +17,9 @@ from revline.cli import COMMANDS, THREADS, app, main, run, tune_command
 from revline.cli.model_commands import DelayChoice, WeightChoice
 from revline.cli.response_routes import MethodChoice
 from revline.cli.tune_command import ObjectiveChoice
-from revline.design.fine_tuning import Objective
-from revline.design.fit import DelayRule, Weight
-from revline.design.rules import TUNING_RULES
+from revline.design.fitting.fit import DelayRule, Weight
+from revline.design.tuning.fine_tuning import Objective
+from revline.design.tuning.rules import TUNING_RULES
 
 from .conftest import Command
 

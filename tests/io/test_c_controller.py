@@ -18,19 +18,19 @@ from numpy.typing import NDArray
 
 from revline import signals
 from revline.analysis.trim import find_trim
-from revline.design.gain_schedule import GainSchedule, Scaling
-from revline.design.loop_signals import operating_point
-from revline.design.pid_controller import AntiWindup, PidController
-from revline.design.pid_update import ROUNDING_SINGLE, sampled_pid
-from revline.design.sampled_loop import Disturbance, SampledRun, SampledTask, run_sampled_loop
-from revline.design.scheduled_pid import ScheduledController
+from revline.design.controllers.gain_schedule import GainSchedule, Scaling
+from revline.design.controllers.pid_controller import AntiWindup, PidController
+from revline.design.controllers.pid_update import ROUNDING_SINGLE, sampled_pid
+from revline.design.controllers.scheduled_pid import ScheduledController
+from revline.design.loops.sampled_loop import Disturbance, SampledRun, SampledTask, run_sampled_loop
+from revline.design.plants.loop_signals import operating_point
 from revline.engine.lee1995 import lee1995
 from revline.errors import InvalidInputError
 from revline.io.c_controller import COMPILE, Precision, write_c_controller
 from revline.io.matlab_controller import write_matlab_controller
 from revline.io.recorded_operations import Operation, given
 from revline.sampled import CrankSynchronous, FixedRate, SampledController
-from tests.design.controllers import C2D
+from tests.design.examples import C2D
 
 Floats = NDArray[np.float64]
 

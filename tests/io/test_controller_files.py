@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from revline.design.controller import LAW, PidGains
+from revline.design.controllers.controller import LAW, PidGains
 from revline.errors import InvalidInputError
 from revline.io.controller_files import controller_record, parse_controller, read_controller, write_controller
 from revline.io.json_files import format_json, parse_json

@@ -3,9 +3,9 @@ from dataclasses import replace
 
 import pytest
 
-from revline.design.compared_plant import plant_of_model
-from revline.design.controller import PidGains
-from revline.design.nu_gap import Guarantee, judge_controller
+from revline.design.controllers.controller import PidGains
+from revline.design.stability.compared_plant import plant_of_model
+from revline.design.stability.nu_gap import Guarantee, judge_controller
 from revline.io.nu_gap_records import describe_guarantee, guarantee_record, summarise
 from revline.lti.transfer_function import TransferFunction
 

@@ -10,12 +10,12 @@ import pytest
 from revline.analysis.linearize import linearize
 from revline.analysis.steady_map import find_steady_map
 from revline.analysis.trim import find_trim
-from revline.design.closed_loop import Limits, LoopRun, LoopTask, run_linear_loop
-from revline.design.controller import PidGains
-from revline.design.fit import DelayRule, fit_transfer_function
-from revline.design.loop_signals import operating_point
-from revline.design.model_choice import judge_model
-from revline.design.outcome import LimitCycle, Settled, Stalled
+from revline.design.controllers.controller import PidGains
+from revline.design.fitting.fit import DelayRule, fit_transfer_function
+from revline.design.fitting.model_choice import judge_model
+from revline.design.loops.closed_loop import Limits, LoopRun, LoopTask, run_linear_loop
+from revline.design.loops.outcome import LimitCycle, Settled, Stalled
+from revline.design.plants.loop_signals import operating_point
 from revline.engine.lee1995 import lee1995
 from revline.io.fit_records import fit_record
 from revline.io.json_files import format_json, parse_json

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from revline.design.rules import tune_by_rule
+from revline.design.tuning.rules import tune_by_rule
 from revline.io.controller_files import read_controller
 from revline.io.json_files import write_json
 from revline.io.rule_records import tuned_record

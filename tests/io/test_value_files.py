@@ -16,11 +16,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as nps
 
-from revline.design.closed_loop import FORM, Limits, LoopRun
-from revline.design.controller import PidGains
-from revline.design.fine_tuning import Objective
-from revline.design.gain_rays import GainLimit
-from revline.design.outcome import LimitCycle, Settled
+from revline.design.controllers.controller import PidGains
+from revline.design.loops.closed_loop import FORM, Limits, LoopRun
+from revline.design.loops.outcome import LimitCycle, Settled
+from revline.design.regions.gain_rays import GainLimit
+from revline.design.tuning.fine_tuning import Objective
 from revline.errors import InvalidInputError
 from revline.io.value_files import SCHEMA, decode, encode, read_value, write_value
 from revline.lti.transfer_function import TransferFunction
@@ -223,7 +223,7 @@ GOOD = {"array": "<f8", "shape": [2], "data": base64.b64encode(b"\0" * 16).decod
         {"class": "revline.system:Variable.__init__", "fields": {}},
         {"class": "revline.system:Variable.__class__", "fields": {}},
         {"class": "revline.system:Variable.__mro__", "fields": {}},
-        {"class": "revline.design.closed_loop:Settled", "fields": {"value": 1.0, "steady_error": 0.0, "residual": 0.0}},
+        {"class": "revline.design.loops.closed_loop:Settled", "fields": {"value": 1.0, "steady_error": 0.0, "residual": 0.0}},
         {"class": "revline.system:", "fields": {}},
         {"class": "revline.system", "fields": {}},
         {"class": "revline..system:Variable", "fields": {}},
@@ -235,8 +235,8 @@ GOOD = {"array": "<f8", "shape": [2], "data": base64.b64encode(b"\0" * 16).decod
         {"class": "revline.system:Variable", "fields": ["name"]},
         {"class": "revline.system:Variable", "member": "name"},
         {"class": "revline.system:Variable"},
-        {"class": "revline.design.fine_tuning:Objective", "member": "OTHER"},
-        {"class": "revline.design.fine_tuning:Objective", "fields": {"value": "load-error"}},
+        {"class": "revline.design.tuning.fine_tuning:Objective", "member": "OTHER"},
+        {"class": "revline.design.tuning.fine_tuning:Objective", "fields": {"value": "load-error"}},
         {
             "class": "revline.lti.transfer_function:TransferFunction",
             "fields": {"numerator": {"tuple": [1.0]}, "denominator": {"tuple": [0.0]}},

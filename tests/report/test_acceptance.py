@@ -4,8 +4,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from revline.design.acceptance import Kind
-from revline.design.acceptance_summary import AcceptanceSummary, PlaceSummary
+from revline.design.trials.acceptance import Kind
+from revline.design.trials.acceptance_summary import AcceptanceSummary, PlaceSummary
 from revline.errors import InvalidInputError
 from revline.report.acceptance import MOST_PLACES, plot_acceptance
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from revline.design.gain_map import GainGrid, find_gain_map
+from revline.design.maps.gain_map import GainGrid, find_gain_map
 from revline.engine.lee1995 import lee1995
 from revline.report.gain_maps import draw_heat, plot_gain_map
 from revline.report.style import new_figure

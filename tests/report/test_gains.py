@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from revline.design.closed_loop import Limits
-from revline.design.controller import PidGains
-from revline.design.gain_curve import Contour, LoopFamily
-from revline.design.gain_slices import GainSlice, Mark, Question, find_slices, mark_controller
-from revline.design.loop_family import family_of_model
-from revline.design.nonlinear_boundary import BoundaryPoint, BoundarySearch, NonlinearBoundary, StepCase
-from revline.design.outcome import Diverged
+from revline.design.controllers.controller import PidGains
+from revline.design.loops.closed_loop import Limits
+from revline.design.loops.outcome import Diverged
+from revline.design.regions.gain_curve import Contour, LoopFamily
+from revline.design.regions.gain_slices import GainSlice, Mark, Question, find_slices, mark_controller
+from revline.design.regions.loop_family import family_of_model
+from revline.design.regions.nonlinear_boundary import BoundaryPoint, BoundarySearch, NonlinearBoundary, StepCase
 from revline.errors import InvalidInputError
 from revline.lti.transfer_function import TransferFunction
 from revline.report.figure_files import figure_task

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from revline.design.outcome import Diverged, LimitCycle, Outcome, Settled, Stalled
+from revline.design.loops.outcome import Diverged, LimitCycle, Outcome, Settled, Stalled
 from revline.errors import InvalidInputError
 from revline.report.loops import LoopTrace, plot_loop
 from revline.report.style import Quantity

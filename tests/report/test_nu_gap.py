@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from revline.design.compared_plant import plant_of_model
-from revline.design.controller import PidGains
-from revline.design.nu_gap import Guarantee, judge_controller
+from revline.design.controllers.controller import PidGains
+from revline.design.stability.compared_plant import plant_of_model
+from revline.design.stability.nu_gap import Guarantee, judge_controller
 from revline.errors import InvalidInputError
 from revline.lti.transfer_function import TransferFunction
 from revline.report.nu_gap import plot_nu_gap

@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from revline.design.competitors import Comparison, compare_with_competitors
-from revline.design.optimum_problem import find_scale, make_grid
-from revline.design.tuning_plant import tuning_plant
+from revline.design.optimum.competitors import Comparison, compare_with_competitors
+from revline.design.optimum.optimum_problem import find_scale, make_grid
+from revline.design.tuning.tuning_plant import tuning_plant
 from revline.errors import InvalidInputError
 from revline.lti.transfer_function import TransferFunction
 from revline.report.optimum import plot_comparison
-from tests.design.controllers import C2D
+from tests.design.examples import C2D
 
 MODEL = TransferFunction(
     numerator=(12.0,), denominator=(1.0, 0.551, 0.0355), delay=0.0214, input_name="throttle", input_unit="deg", output_unit="rad/s"

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from revline.design.step_measures import measure_step
-from revline.design.step_tangent import measure_step_tangent
+from revline.design.loops.step_measures import measure_step
+from revline.design.tuning.step_tangent import measure_step_tangent
 from revline.errors import InvalidInputError
 from revline.lti.transfer_function import TransferFunction
 from revline.report.responses import Command, TangentTrace, plot_divergence, plot_step_response, plot_tangents

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import revline
-from revline.design.closed_loop import Limits
-from revline.design.controller import PidGains
+from revline.design.controllers.controller import PidGains
+from revline.design.loops.closed_loop import Limits
 from revline.errors import InvalidInputError, NotConvergedError
 from revline.studies import chain as chain_module
 from revline.studies.chain import FOLDER, Chain, Stopwatch, code_digest

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from revline.design.outcome import Settled
+from revline.design.loops.outcome import Settled
 from revline.engine.catalogue import build_engine
 from revline.lti.response import FrequencyResponse
 from revline.report.blocks import TableBlock

@@ -3,9 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from revline.design.closed_loop import LoopRun, LoopTask, run_linear_loop
-from revline.design.controller import PidGains
-from revline.design.outcome import Settled
+from revline.design.controllers.controller import PidGains
+from revline.design.loops.closed_loop import LoopRun, LoopTask, run_linear_loop
+from revline.design.loops.outcome import Settled
 from revline.lti.transfer_function import TransferFunction
 from revline.studies.guidelines import _foresees
 from revline.studies.steps import fit_models

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from revline.analysis.linear_range import HoldsUpTo
-from revline.design.outcome import LimitCycle
+from revline.design.loops.outcome import LimitCycle
 from revline.errors import AnalysisError
 from revline.studies.captions import caption, figure_ids
 from revline.studies.checks import check_study

@@ -2,8 +2,8 @@
 
 import pytest
 
-from revline.design.controller import PidGains
-from revline.design.outcome import LimitCycle
+from revline.design.controllers.controller import PidGains
+from revline.design.loops.outcome import LimitCycle
 from revline.errors import NotSettledError
 from revline.studies import loop_steps, steps
 from revline.studies.config import StudyConfig

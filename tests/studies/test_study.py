@@ -10,8 +10,8 @@ import pytest
 
 from revline import signals
 from revline.analysis.trim import find_trim
-from revline.design.model_choice import Verdict
-from revline.design.outcome import Diverged, LimitCycle, Settled
+from revline.design.fitting.model_choice import Verdict
+from revline.design.loops.outcome import Diverged, LimitCycle, Settled
 from revline.engine.catalogue import build_engine
 from revline.engine.lee1995 import lee1995_parameters
 from revline.errors import AnalysisError, InvalidInputError, NotConvergedError, PartialResultError, StepError

@@ -4,8 +4,8 @@ import dataclasses
 
 import pytest
 
-from revline.design.closed_loop import LoopRun
-from revline.design.outcome import Stalled
+from revline.design.loops.closed_loop import LoopRun
+from revline.design.loops.outcome import Stalled
 from revline.studies.study_results import StudyResults
 from revline.studies.words import ending, limit_text, listed, outcome_text, relative_outcome, typographic
 

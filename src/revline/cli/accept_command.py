@@ -15,9 +15,9 @@ from revline.cli.shell import Facts, Grid, Shell
 from revline.errors import InvalidInputError
 
 if TYPE_CHECKING:
-    from revline.design.acceptance import Acceptance, Battery
-    from revline.design.acceptance_summary import PlaceSummary
-    from revline.design.scheduled_pid import AnyController
+    from revline.design.controllers.scheduled_pid import AnyController
+    from revline.design.trials.acceptance import Acceptance, Battery
+    from revline.design.trials.acceptance_summary import PlaceSummary
     from revline.system import DelaySystem
 
 
@@ -99,7 +99,7 @@ def accept(
     At each trim: steps of command and load as they are, with noise and jitter, and on engines whose parameters differ; then all gains are
     raised until the loop hunts. The verdict names what was not kept. A verdict of failure is a result: the exit status is 0.
     """
-    from revline.design.acceptance import accept
+    from revline.design.trials.acceptance import accept
     from revline.engine.spread import spread_engine
     from revline.io.acceptance_records import acceptance_record
     from revline.io.engine_files import load_engine
@@ -125,7 +125,7 @@ def accept(
 def _draw(plot: Path | None, found: "Acceptance") -> None:
     if plot is None:
         return
-    from revline.design.acceptance_summary import summarise_acceptance
+    from revline.design.trials.acceptance_summary import summarise_acceptance
     from revline.report.acceptance import plot_acceptance
 
     write_plot(plot, plot_acceptance(summarise_acceptance(found)), "accept")
@@ -134,8 +134,8 @@ def _draw(plot: Path | None, found: "Acceptance") -> None:
 def _battery(
     steps: tuple[float, float, float], disturbance: tuple[float, float, int], wishes: tuple[float, float, float | None, float]
 ) -> "Battery":
-    from revline.design.acceptance import Battery, Requirements
-    from revline.design.sampled_loop import Disturbance
+    from revline.design.loops.sampled_loop import Disturbance
+    from revline.design.trials.acceptance import Battery, Requirements
 
     wish = Requirements(overshoot=wishes[0], settling_time=wishes[1], gain_reserve_db=wishes[3])
     return Battery(
@@ -149,7 +149,7 @@ def _battery(
 
 def _default_jitter(controller: "AnyController") -> float:
     """Shift of samples: of a timer in s, of the crank in rad."""
-    from revline.design.scheduled_pid import law_of
+    from revline.design.controllers.scheduled_pid import law_of
     from revline.sampled import CrankSynchronous
 
     sampling = law_of(controller).sampling
@@ -157,7 +157,7 @@ def _default_jitter(controller: "AnyController") -> float:
 
 
 def _with_unstable(battery: "Battery") -> "Battery":
-    from revline.design.acceptance import OfUnstable
+    from revline.design.trials.acceptance import OfUnstable
 
     return replace(battery, of_unstable=OfUnstable.RUN)
 
@@ -178,7 +178,7 @@ def _controller(
     weight: float | None,
 ) -> "AnyController":
     """The file's controller, sampled and within the throttle's limits."""
-    from revline.design.scheduled_pid import ScheduledController
+    from revline.design.controllers.scheduled_pid import ScheduledController
     from revline.engine.lee1995 import lee1995_parameters
 
     found = read_any_controller(path, TimingChoice(*timing))
@@ -189,7 +189,7 @@ def _controller(
 
 
 def _parts(found: "Acceptance") -> list[Facts | Grid | str]:
-    from revline.design.acceptance_summary import summarise_acceptance
+    from revline.design.trials.acceptance_summary import summarise_acceptance
 
     short = summarise_acceptance(found)
     rows: list[tuple[str, float | str, str]] = [

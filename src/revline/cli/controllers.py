@@ -10,8 +10,8 @@ import typer
 from revline.errors import InvalidInputError
 
 if TYPE_CHECKING:
-    from revline.design.pid_controller import PidController
-    from revline.design.scheduled_pid import AnyController
+    from revline.design.controllers.pid_controller import PidController
+    from revline.design.controllers.scheduled_pid import AnyController
 
 PERIOD = 0.005
 """Seconds between samples where neither the file nor an option says when the controller runs."""
@@ -60,7 +60,7 @@ def read_any_controller(path: Path, choice: TimingChoice) -> "AnyController":
 
 def _timed(controller: "PidController", path: Path, choice: TimingChoice) -> "PidController":
     """A file's controller, sampled as it says itself, else as the options say."""
-    from revline.design.pid_controller import Continuous
+    from revline.design.controllers.pid_controller import Continuous
 
     if isinstance(controller.sampling, Continuous):
         return sample(controller, choice)
@@ -72,7 +72,7 @@ def _timed(controller: "PidController", path: Path, choice: TimingChoice) -> "Pi
 
 def sample(controller: "PidController", choice: TimingChoice) -> "PidController":
     """Give a continuous controller the sampling that the options say, and anti-windup where it has none."""
-    from revline.design.pid_controller import AntiWindup
+    from revline.design.controllers.pid_controller import AntiWindup
     from revline.sampled import CrankSynchronous, FixedRate
 
     period, angle, computation = choice
@@ -107,7 +107,7 @@ def surrounded(
         InvalidInputError: a limit is none that the throttle reaches, or the limits or the weight are none.
     """
     from revline.cli.loop_runs import throttle_limits
-    from revline.design.scheduled_pid import ScheduledController, law_of
+    from revline.design.controllers.scheduled_pid import ScheduledController, law_of
 
     law = law_of(controller)
     wanted = tuple(option if option is not None else bound for option, bound in zip(limits, own_limits(law), strict=True))

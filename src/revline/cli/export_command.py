@@ -24,7 +24,7 @@ from revline.errors import InvalidInputError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from revline.design.scheduled_pid import AnyController
+    from revline.design.controllers.scheduled_pid import AnyController
     from revline.io.controller_exports import Export
 
 ControllerArgument = Annotated[Path, typer.Argument(metavar="CONTROLLER.json", help="Controller file, or a gain map with a schedule.")]
@@ -76,7 +76,7 @@ def export(
     The C code computes, in double precision, the same bits as the simulation. With --throttle the controller rests at the engine's trim
     and is limited as its throttle is; else it rests at the values given, and takes over whatever output there is when it starts.
     """
-    from revline.design.scheduled_pid import law_of
+    from revline.design.controllers.scheduled_pid import law_of
     from revline.io.c_controller import COMPILE, Precision
     from revline.io.controller_exports import Export
 
@@ -122,7 +122,7 @@ def _write(made: "Export", formats: tuple[str, ...], out: Path) -> list[str]:
 
 
 def _warnings(controller: "AnyController") -> list[str]:
-    from revline.design.scheduled_pid import law_of
+    from revline.design.controllers.scheduled_pid import law_of
 
     if all(map(math.isfinite, (law_of(controller).low, law_of(controller).high))):
         return []
@@ -147,7 +147,7 @@ def _at_rest(
     given: tuple[float | None, float | None],
 ) -> "tuple[AnyController, tuple[float, float], tuple[float, float]]":
     """The controller with weight and limits, output and measurement at rest, and the output's full range."""
-    from revline.design.scheduled_pid import ScheduledController, law_of
+    from revline.design.controllers.scheduled_pid import ScheduledController, law_of
 
     weight, *limits = options
     law = law_of(controller)

@@ -13,10 +13,10 @@ from revline.errors import InvalidInputError, NotConvergedError, PartialResultEr
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from revline.design.gain_box import Floor
-    from revline.design.gain_box_limit import BoxLimit
-    from revline.design.gain_map import Design, GainGrid, GainMap
-    from revline.design.schedule_design import ScheduleResult
+    from revline.design.maps.gain_box import Floor
+    from revline.design.maps.gain_box_limit import BoxLimit
+    from revline.design.maps.gain_map import Design, GainGrid, GainMap
+    from revline.design.maps.schedule_design import ScheduleResult
     from revline.io.common_gain_records import Rows
     from revline.system import DelaySystem
 
@@ -74,7 +74,7 @@ def gain_map(
     Points without a steady state or without gains stay in the map with the reason. `best` is the largest ki that keeps the peak
     sensitivity: 1/ki is the integrated error after a step of load.
     """
-    from revline.design.gain_map import Design, find_gain_map
+    from revline.design.maps.gain_map import Design, find_gain_map
     from revline.io.engine_files import load_engine
     from revline.io.gain_map_records import gain_map_record
     from revline.io.json_files import format_json
@@ -116,7 +116,7 @@ class _Asked(NamedTuple):
 
 
 def _asked(*, fixed: bool, floor: tuple[float, float], box_kd: str, prove: float | None) -> _Asked | None:
-    from revline.design.gain_box import Floor
+    from revline.design.maps.gain_box import Floor
     from revline.errors import out_of_range
     from revline.io.number_lists import parse_numbers
 
@@ -133,9 +133,9 @@ def _asked(*, fixed: bool, floor: tuple[float, float], box_kd: str, prove: float
 def _find_fixed(
     shell: Shell, system: "DelaySystem", found: "GainMap", asked: _Asked, workers: int
 ) -> tuple["Mapping[str, object]", "Rows"]:
-    from revline.design.gain_box import BoxGains, find_largest_box
-    from revline.design.gain_box_limit import limit_boxes
-    from revline.design.gain_map import Design, find_gain_map
+    from revline.design.maps.gain_box import BoxGains, find_largest_box
+    from revline.design.maps.gain_box_limit import limit_boxes
+    from revline.design.maps.gain_map import Design, find_gain_map
     from revline.io.common_gain_records import box_record, box_rows
 
     maps = [found]
@@ -166,8 +166,8 @@ def _design(
 ) -> tuple["Mapping[str, object]", "Rows", "ScheduleResult"]:
     import numpy as np
 
-    from revline.design.gain_map import GainGrid, find_gain_map
-    from revline.design.schedule_design import design_schedule
+    from revline.design.maps.gain_map import GainGrid, find_gain_map
+    from revline.design.maps.schedule_design import design_schedule
     from revline.io.common_gain_records import schedule_record, schedule_rows
 
     speeds = [point.trim.output(SPEED) for point in found.found]
@@ -191,7 +191,7 @@ def _draw(plot: Path | None, found: "GainMap", result: "ScheduleResult | None") 
 def _grid(throttle: str, load: str) -> "GainGrid":
     import numpy as np
 
-    from revline.design.gain_map import GainGrid
+    from revline.design.maps.gain_map import GainGrid
     from revline.io.number_lists import parse_numbers
 
     angles, loads = parse_numbers(throttle, "--throttle"), parse_numbers(load, "--load")

@@ -13,9 +13,9 @@ from revline.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from revline.analysis.trim import Trim
-    from revline.design.closed_loop import LoopRun
-    from revline.design.hunting import HuntingOrbit, UnrefinedCycle
-    from revline.design.onset import HuntingOnset
+    from revline.design.loops.closed_loop import LoopRun
+    from revline.design.loops.hunting import HuntingOrbit, UnrefinedCycle
+    from revline.design.loops.onset import HuntingOnset
     from revline.io.controller_files import ControllerFile
     from revline.system import DelaySystem
 
@@ -50,10 +50,10 @@ def limit_cycle(
     settles, diverges or stalls, that is the result.
     """
     from revline.analysis.trim import find_trim
-    from revline.design.closed_loop import Limits, LoopTask, describe_outcome
-    from revline.design.hunting import refine_cycle, run_to_its_end
-    from revline.design.loop_signals import operating_point
-    from revline.design.outcome import LimitCycle
+    from revline.design.loops.closed_loop import Limits, LoopTask, describe_outcome
+    from revline.design.loops.hunting import refine_cycle, run_to_its_end
+    from revline.design.loops.outcome import LimitCycle
+    from revline.design.plants.loop_signals import operating_point
     from revline.engine.lee1995 import lee1995_parameters
     from revline.io.cycle_records import onset_record, run_record
     from revline.io.engine_files import load_engine
@@ -85,7 +85,7 @@ def limit_cycle(
 
 def _read_continuous(path: Path) -> "ControllerFile":
     """Read the controller; one that samples is refused."""
-    from revline.design.pid_controller import Continuous
+    from revline.design.controllers.pid_controller import Continuous
     from revline.io.controller_files import read_controller
 
     file = read_controller(path)
@@ -99,7 +99,7 @@ def _read_continuous(path: Path) -> "ControllerFile":
 
 
 def _add_orbit(shell: Shell, record: dict[str, object], orbit: "HuntingOrbit | UnrefinedCycle", title: str) -> Facts:
-    from revline.design.hunting import UnrefinedCycle
+    from revline.design.loops.hunting import UnrefinedCycle
     from revline.io.cycle_records import describe_orbit, describe_unrefined, orbit_record, unrefined_record
 
     if isinstance(orbit, UnrefinedCycle):
@@ -111,8 +111,8 @@ def _add_orbit(shell: Shell, record: dict[str, object], orbit: "HuntingOrbit | U
 
 
 def _find_onset(plant: "DelaySystem", trim: "Trim", run: "LoopRun", orbit: "HuntingOrbit | UnrefinedCycle | None") -> "HuntingOnset":
-    from revline.design.hunting import UnrefinedCycle
-    from revline.design.onset import RayTask, find_onset
+    from revline.design.loops.hunting import UnrefinedCycle
+    from revline.design.loops.onset import RayTask, find_onset
 
     if orbit is None:
         largest = WITHOUT_CYCLE * run.start

@@ -14,8 +14,8 @@ from revline.cli.shell import Facts, Shell
 from revline.errors import InvalidInputError, out_of_range
 
 if TYPE_CHECKING:
-    from revline.design.closed_loop import LoopTask
-    from revline.design.load_response import LoadStep
+    from revline.design.loops.closed_loop import LoopTask
+    from revline.design.loops.load_response import LoadStep
 
 FilesArgument = Annotated[
     list[Path],
@@ -98,8 +98,8 @@ def loop(
     A model runs with its delay exact; with --throttle it is placed at the engine's trim, else all values are deviations from it. Where
     the linear loop at the trim is unstable, a warning names its margin.
     """
-    from revline.design.closed_loop import describe_outcome
-    from revline.design.sampled_loop import Disturbance
+    from revline.design.loops.closed_loop import describe_outcome
+    from revline.design.loops.sampled_loop import Disturbance
     from revline.io.loop_records import format_loop
     from revline.io.sampled_loop_records import format_sampled_loop, format_samples
 
@@ -125,7 +125,7 @@ def loop(
 
 
 def _load_step(size: float | None, at: float | None, until: float) -> "LoadStep | None":
-    from revline.design.load_response import LoadStep
+    from revline.design.loops.load_response import LoadStep
 
     if size is None:
         if at is not None:
@@ -140,7 +140,7 @@ def _load_step(size: float | None, at: float | None, until: float) -> "LoadStep 
 
 def _task(sizes: tuple[float, float, float], load: "LoadStep | None") -> "LoopTask":
     from revline import signals
-    from revline.design.closed_loop import LoopTask
+    from revline.design.loops.closed_loop import LoopTask
 
     loads = () if load is None else (("load_torque", signals.step(load.size, start=load.at)),)
     return LoopTask(command=sizes[0], until=sizes[1], step=sizes[2], loads=loads)

@@ -12,13 +12,13 @@ from revline.cli.plants import EngineChoice, find_engine_trim
 from revline.errors import AnalysisError, InvalidInputError, NotConvergedError, out_of_range
 
 if TYPE_CHECKING:
-    from revline.design.closed_loop import LoopRun, LoopTask
-    from revline.design.linear_verdict import LinearVerdict
-    from revline.design.load_response import LoadStep
-    from revline.design.pid_controller import PidController
-    from revline.design.sampled_loop import Disturbance
-    from revline.design.sampled_step import SampledStep
-    from revline.design.scheduled_pid import AnyController
+    from revline.design.controllers.pid_controller import PidController
+    from revline.design.controllers.scheduled_pid import AnyController
+    from revline.design.loops.closed_loop import LoopRun, LoopTask
+    from revline.design.loops.linear_verdict import LinearVerdict
+    from revline.design.loops.load_response import LoadStep
+    from revline.design.loops.sampled_loop import Disturbance
+    from revline.design.loops.sampled_step import SampledStep
 
 WIDE_OPEN = 90.0
 """Largest throttle angle [deg]."""
@@ -61,7 +61,7 @@ def run_files(files: list[Path], task: "LoopTask", options: LoopOptions) -> Loop
         InvalidInputError: files and options make no loop.
         AnalysisError: the loop cannot be run, or its record does not decide.
     """
-    from revline.design.scheduled_pid import ScheduledController
+    from revline.design.controllers.scheduled_pid import ScheduledController
 
     _check_files(files, options)
     controller = _controller(files[-1], options)
@@ -106,7 +106,7 @@ def _check_files(files: list[Path], options: LoopOptions) -> None:
 
 def _controller(path: Path, options: LoopOptions) -> "AnyController":
     """The file's controller, sampled as it or the options say; continuous where neither does. A schedule is sampled in any case."""
-    from revline.design.pid_controller import Continuous
+    from revline.design.controllers.pid_controller import Continuous
     from revline.io.controller_files import read_controller
     from revline.io.json_files import read_json
     from revline.io.schedule_files import is_schedule
@@ -135,11 +135,11 @@ def _controller(path: Path, options: LoopOptions) -> "AnyController":
 
 
 def _run_engine(controller: "AnyController", task: "LoopTask", options: LoopOptions) -> LoopResult:
-    from revline.design.closed_loop import run_loop
-    from revline.design.linear_verdict import judge_linear_system
-    from revline.design.loop_signals import operating_point
-    from revline.design.sampled_step import local_law, run_sampled_step
-    from revline.design.scheduled_pid import ScheduledController, law_of
+    from revline.design.controllers.scheduled_pid import ScheduledController, law_of
+    from revline.design.loops.closed_loop import run_loop
+    from revline.design.loops.linear_verdict import judge_linear_system
+    from revline.design.loops.sampled_step import local_law, run_sampled_step
+    from revline.design.plants.loop_signals import operating_point
     from revline.engine.lee1995 import lee1995_parameters
 
     plant, trim = find_engine_trim(options.choice, WANTING)
@@ -158,9 +158,9 @@ def _run_engine(controller: "AnyController", task: "LoopTask", options: LoopOpti
 
 
 def _run_model(path: Path, controller: "PidController", task: "LoopTask", options: LoopOptions) -> LoopResult:
-    from revline.design.closed_loop import run_linear_loop
-    from revline.design.linear_verdict import judge_linear_model
-    from revline.design.sampled_step import run_sampled_linear_step
+    from revline.design.loops.closed_loop import run_linear_loop
+    from revline.design.loops.linear_verdict import judge_linear_model
+    from revline.design.loops.sampled_step import run_sampled_linear_step
     from revline.io.loop_records import bandwidth_fields
     from revline.io.model_files import read_model
     from revline.sampled import CrankSynchronous
@@ -187,7 +187,7 @@ def _run_model(path: Path, controller: "PidController", task: "LoopTask", option
 
 
 def _is_sampled(controller: "PidController") -> bool:
-    from revline.design.pid_controller import Continuous
+    from revline.design.controllers.pid_controller import Continuous
 
     return not isinstance(controller.sampling, Continuous)
 
@@ -203,7 +203,7 @@ def _place(choice: EngineChoice) -> tuple[float, float]:
 def _result(
     found: "LoopRun | SampledStep", load: "LoadStep | None", controller: "PidController", judge: "Callable[[], LinearVerdict]"
 ) -> LoopResult:
-    from revline.design.sampled_step import SampledStep
+    from revline.design.loops.sampled_step import SampledStep
     from revline.io.loop_records import loop_record, loop_warnings, verdict_fields
     from revline.io.margin_records import controller_fields
     from revline.io.sampled_loop_records import sampled_fields

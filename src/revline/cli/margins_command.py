@@ -12,9 +12,9 @@ from revline.cli.shell import Facts, Grid, Shell
 from revline.errors import InvalidInputError
 
 if TYPE_CHECKING:
-    from revline.design.controller import PidGains
-    from revline.design.open_loop import OpenLoop
-    from revline.design.pid_controller import PidController
+    from revline.design.controllers.controller import PidGains
+    from revline.design.controllers.pid_controller import PidController
+    from revline.design.stability.open_loop import OpenLoop
 
 UnstablePolesOption = Annotated[
     int | None, typer.Option("--unstable-poles", metavar="N", help="Of a sampled plant: its poles right of the axis; else 0.")
@@ -61,7 +61,7 @@ def margins(
     Of a controller that samples they are those that its samples see, sampling and hold exact; of one with a filter its filter is in
     the loop. Set-point weights, limits, anti-windup, dead zone and resolution have no part in small signals.
     """
-    from revline.design.margins import find_margins
+    from revline.design.stability.margins import find_margins
     from revline.io.controller_files import read_controller
     from revline.io.json_files import format_json
     from revline.io.margin_records import describe_margins, margin_record
@@ -94,7 +94,7 @@ def margins(
 def _show_discrete(shell: Shell, files: list[Path], controller: "PidController", choice: EngineChoice, out: Path | None) -> None:
     """Margins as the samples of a controller see them."""
     from revline.analysis.linearize import linearize
-    from revline.design.discrete_loop import find_discrete_margins, sampled_plant_of_model, sampled_plant_of_system
+    from revline.design.stability.discrete_loop import find_discrete_margins, sampled_plant_of_model, sampled_plant_of_system
     from revline.io.json_files import format_json
     from revline.io.margin_records import describe_margins, margin_record
     from revline.io.model_files import read_model
@@ -130,7 +130,7 @@ def _show_discrete(shell: Shell, files: list[Path], controller: "PidController",
 def _show_sampled(
     shell: Shell, path: Path, gains: "PidGains", options: tuple[int | None, float | None, str | None, float | None], out: Path | None
 ) -> None:
-    from revline.design.sampled_margins import find_sampled_margins
+    from revline.design.stability.sampled_margins import find_sampled_margins
     from revline.io.json_files import format_json
     from revline.io.number_lists import parse_pairs
     from revline.io.response_files import read_response
@@ -152,7 +152,7 @@ def _show_sampled(
 
 
 def _open_loop(files: list[Path], controller: "PidController", choice: EngineChoice) -> "OpenLoop":
-    from revline.design.open_loop import open_loop_of_model, open_loop_of_system
+    from revline.design.stability.open_loop import open_loop_of_model, open_loop_of_system
     from revline.io.model_files import read_model
 
     if len(files) > 2:

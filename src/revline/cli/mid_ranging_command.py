@@ -11,7 +11,7 @@ from revline.cli.shell import Facts, Grid, Shell
 from revline.errors import out_of_range
 
 if TYPE_CHECKING:
-    from revline.design.mid_ranging_comparison import MidRangingComparison, PlantCase
+    from revline.design.two_inputs.mid_ranging_comparison import MidRangingComparison, PlantCase
     from revline.system import DelaySystem
 
 RUNS = (
@@ -74,9 +74,9 @@ def mid_ranging(
     The spark acts on the speed, and the throttle brings the spark back to its set-point: mid-ranging, or valve-position control. Both
     loops are designed with every delay exact, then run on the nonlinear engine with its limits.
     """
-    from revline.design.load_steps import LoadStep
-    from revline.design.mid_ranging import MidRangingBounds, design_mid_ranging
-    from revline.design.mid_ranging_comparison import OutputLimits, compare_mid_ranging
+    from revline.design.two_inputs.load_steps import LoadStep
+    from revline.design.two_inputs.mid_ranging import MidRangingBounds, design_mid_ranging
+    from revline.design.two_inputs.mid_ranging_comparison import OutputLimits, compare_mid_ranging
     from revline.engine.lee1995 import lee1995_parameters
     from revline.io.engine_files import load_engine
     from revline.io.mid_ranging_records import mid_ranging_csv, mid_ranging_record
@@ -120,7 +120,7 @@ def _parts(found: "MidRangingComparison", title: str) -> list[Facts | Grid | str
 def _plants(system: "DelaySystem", inputs: dict[str, float], spread: float) -> "list[PlantCase]":
     """The engine, and where asked for the same with shorter and with longer lags, each with its trim."""
     from revline.analysis.trim import find_trim
-    from revline.design.mid_ranging_comparison import PlantCase
+    from revline.design.two_inputs.mid_ranging_comparison import PlantCase
     from revline.engine.lee1995 import lee1995, lee1995_parameters
 
     parameters = lee1995_parameters(system)

@@ -11,7 +11,7 @@ from revline.cli.shell import Facts, Shell, show_roots
 from revline.errors import InvalidInputError
 
 if TYPE_CHECKING:
-    from revline.design.fit import DelayRule, ModelFit
+    from revline.design.fitting.fit import DelayRule, ModelFit
 
 PROGRAM = f"revline {__version__}"
 """What files say of their origin."""
@@ -58,8 +58,8 @@ def fit(
 
     Coefficients stand in ascending powers of s; the denominator's first is 1.
     """
-    from revline.design.fit import Weight, fit_transfer_function
-    from revline.design.model_choice import judge_model
+    from revline.design.fitting.fit import Weight, fit_transfer_function
+    from revline.design.fitting.model_choice import judge_model
     from revline.io.fit_records import fit_record
     from revline.io.json_files import format_json
     from revline.io.number_lists import parse_pairs
@@ -78,7 +78,7 @@ def fit(
 
 
 def _delay_of(choice: DelayChoice, value: float | None) -> "DelayRule | float":
-    from revline.design.fit import DelayRule
+    from revline.design.fitting.fit import DelayRule
 
     if (choice == "fixed") != (value is not None):
         message = f"--delay {choice} with {'no --delay-s' if value is None else '--delay-s'}: give --delay fixed and --delay-s together"

@@ -12,7 +12,7 @@ from revline.cli.shell import Facts, Shell
 from revline.errors import InvalidInputError
 
 if TYPE_CHECKING:
-    from revline.design.compared_plant import ComparedPlant
+    from revline.design.stability.compared_plant import ComparedPlant
 
 
 def nu_gap(
@@ -43,7 +43,7 @@ def nu_gap(
     A gap below the controller's margin on the first plant proves that it stabilises the second. A gap above proves nothing for this one
     plant, whose loop is therefore also counted by itself. --out writes the chord over frequency as CSV.
     """
-    from revline.design.nu_gap import find_nu_gap, judge_controller
+    from revline.design.stability.nu_gap import find_nu_gap, judge_controller
     from revline.io.controller_files import read_controller
     from revline.io.nu_gap_records import describe_gap, describe_guarantee, format_gap, gap_record, guarantee_record, summarise
 
@@ -80,7 +80,7 @@ def _check_plot(plot: Path | None, controller: Path | None) -> None:
 
 
 def _plants(files: list[Path], choice: EngineChoice) -> "tuple[ComparedPlant, ComparedPlant]":
-    from revline.design.compared_plant import plant_of_system
+    from revline.design.stability.compared_plant import plant_of_system
 
     if len(files) > 2:
         message = f"{len(files)} files were given; give one model file or two"
@@ -95,7 +95,7 @@ def _plants(files: list[Path], choice: EngineChoice) -> "tuple[ComparedPlant, Co
 
 
 def _of_model(path: Path) -> "ComparedPlant":
-    from revline.design.compared_plant import plant_of_model
+    from revline.design.stability.compared_plant import plant_of_model
     from revline.io.model_files import read_model
 
     file = read_model(path)

@@ -15,10 +15,10 @@ from revline.cli.shell import Facts, Grid, Shell
 from revline.errors import InvalidInputError
 
 if TYPE_CHECKING:
-    from revline.design.competitors import Comparison
-    from revline.design.optimise import Optimum
-    from revline.design.optimum_problem import Bounds
-    from revline.design.tuning_plant import TuningPlant
+    from revline.design.optimum.competitors import Comparison
+    from revline.design.optimum.optimise import Optimum
+    from revline.design.optimum.optimum_problem import Bounds
+    from revline.design.tuning.tuning_plant import TuningPlant
 
 FREE = "kp,ki,kd"
 
@@ -81,8 +81,8 @@ def optimise(
     The error is that after a unit step: of the load in N m for an engine, at the input for a model; of the command in its own unit. Of
     several trims the worst counts. The derivative acts on the measurement.
     """
-    from revline.design.optimise import optimise as find_optimum
-    from revline.design.optimum_problem import Objective, find_scale, make_grid
+    from revline.design.optimum.optimise import optimise as find_optimum
+    from revline.design.optimum.optimum_problem import Objective, find_scale, make_grid
     from revline.io.json_files import format_json
     from revline.io.optimum_records import comparison_record, optimum_record
 
@@ -123,7 +123,7 @@ def _check_plot(plot: Path | None, *, compared: bool) -> None:
 
 
 def _plants(model: Path | None, engine: str, throttle: str | None, load: str) -> "list[TuningPlant]":
-    from revline.design.tuning_plant import tuning_plant
+    from revline.design.tuning.tuning_plant import tuning_plant
     from revline.io.model_files import read_model
     from revline.io.number_lists import parse_numbers
 
@@ -153,17 +153,17 @@ def _refuse_wishes(given: dict[str, float | None], *, free: str, objective: str)
 
 
 def _bounds(given: dict[str, float | None]) -> "Bounds":
-    from revline.design.optimum_problem import Bounds
+    from revline.design.optimum.optimum_problem import Bounds
 
     known = {name: value for name, value in given.items() if value is not None}
     return Bounds(**known) if known else replace(Bounds(), ms=2.0)
 
 
 def _compare(plants: "list[TuningPlant]", grid: object, scale: object, files: list[Path], *, rules: bool) -> "Comparison":
-    from revline.design.competitors import compare_with_competitors
-    from revline.design.loop_cost import LoopGrid
-    from revline.design.optimum_problem import Scale
-    from revline.design.rule_comparison import compare_rules
+    from revline.design.optimum.competitors import compare_with_competitors
+    from revline.design.optimum.loop_cost import LoopGrid
+    from revline.design.optimum.optimum_problem import Scale
+    from revline.design.tuning.rule_comparison import compare_rules
     from revline.io.controller_files import read_controller
 
     if len(plants) != 1 or not isinstance(grid, LoopGrid) or not isinstance(scale, Scale):

@@ -13,9 +13,9 @@ from revline.cli.shell import Facts, Grid, Shell
 from revline.errors import InvalidInputError
 
 if TYPE_CHECKING:
-    from revline.design.gain_curve import Contour, LoopFamily
-    from revline.design.gain_slices import GainSlice, Mark, Question
-    from revline.design.nonlinear_boundary import BoundaryPoint, NonlinearBoundary
+    from revline.design.regions.gain_curve import Contour, LoopFamily
+    from revline.design.regions.gain_slices import GainSlice, Mark, Question
+    from revline.design.regions.nonlinear_boundary import BoundaryPoint, NonlinearBoundary
 
 WANTING = "give a model file, or --throttle, the angle [deg] of the trim that the engine is linearised at"
 
@@ -93,7 +93,7 @@ def region(
     The boundary is the curve of gains at which a root lies on the imaginary axis; each of its points is exact.
     Controllers that are marked are placed in the slice of their own kd.
     """
-    from revline.design.gain_slices import find_largest_kd, find_slices
+    from revline.design.regions.gain_slices import find_largest_kd, find_slices
     from revline.io.json_files import format_json
     from revline.io.region_records import boundary_record, region_csv, slices_record
 
@@ -120,7 +120,7 @@ def region(
 def _question(
     kd: str, ms: str, damping: tuple[float | None, float | None], reach: tuple[float | None, float | None], *, marked: bool
 ) -> "Question":
-    from revline.design.gain_slices import Question
+    from revline.design.regions.gain_slices import Question
     from revline.errors import out_of_range
     from revline.io.number_lists import parse_numbers
 
@@ -139,7 +139,7 @@ def _question(
 
 
 def _marks(paths: Sequence[Path]) -> "tuple[Mark, ...]":
-    from revline.design.gain_slices import mark_controller
+    from revline.design.regions.gain_slices import mark_controller
     from revline.io.controller_files import read_controller
 
     return tuple(mark_controller(path.stem, read_controller(path).feedback_gains) for path in paths)
@@ -156,7 +156,7 @@ def _simulation(plant: _Plant, rays: int, step: float, workers: int) -> _Simulat
 
 def _maker(plant: _Plant) -> tuple[str, "Callable[[float, Contour], LoopFamily]", bool]:
     """The plant's name, what makes its families, and whether it has a delay."""
-    from revline.design.loop_family import family_of_model, family_of_system
+    from revline.design.regions.loop_family import family_of_model, family_of_system
 
     if plant.model is not None:
         refuse_engine(plant.choice)
@@ -171,8 +171,8 @@ def _maker(plant: _Plant) -> tuple[str, "Callable[[float, Contour], LoopFamily]"
 def _simulate(shell: Shell, plant: _Plant, asked: _Simulation | None, kds: Sequence[float]) -> "list[NonlinearBoundary]":
     if asked is None:
         return []
-    from revline.design.closed_loop import Limits
-    from revline.design.nonlinear_boundary import BoundarySearch, StepCase, find_nonlinear_boundary
+    from revline.design.loops.closed_loop import Limits
+    from revline.design.regions.nonlinear_boundary import BoundarySearch, StepCase, find_nonlinear_boundary
     from revline.engine.lee1995 import lee1995_parameters
 
     system, trim = find_engine_trim(plant.choice, WANTING)

@@ -11,7 +11,7 @@ from revline.cli.plants import EngineChoice, find_engine_trim
 from revline.cli.shell import Grid, Shell
 
 if TYPE_CHECKING:
-    from revline.design.ultimate_comparison import UltimateComparison
+    from revline.design.tuning.ultimate_comparison import UltimateComparison
 
 
 def relay(
@@ -32,8 +32,8 @@ def relay(
     Side by side: the exact linear model; what its own oscillation under the relay would read; the relay on the engine; and the
     proportional gain at which the engine itself begins to hunt, by bisection.
     """
-    from revline.design.relay import RelayTask
-    from revline.design.ultimate_comparison import compare_ultimate_points
+    from revline.design.tuning.relay import RelayTask
+    from revline.design.tuning.ultimate_comparison import compare_ultimate_points
     from revline.io.json_files import format_json
     from revline.io.ultimate_records import ultimate_record
 

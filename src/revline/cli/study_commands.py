@@ -54,7 +54,7 @@ def _show(shell: Shell, done: "Study") -> None:
     results, failed = done.results, done.failed
     shell.warn(*done.warnings)
     shell.warn(*(f"check fails: {c.name}: {c.measured:g}, expected {c.expected:g} within {c.tolerance:g}" for c in failed))
-    from revline.design.closed_loop import describe_outcome
+    from revline.design.loops.closed_loop import describe_outcome
 
     trim = results.point.trim
     facts = (

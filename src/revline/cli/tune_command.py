@@ -13,9 +13,9 @@ from revline.cli.shell import Facts, Grid, Shell
 from revline.errors import InvalidInputError
 
 if TYPE_CHECKING:
-    from revline.design.controller import PidGains
-    from revline.design.rule_making import RuleValue, TuningRule
-    from revline.design.tuning_plant import TuningPlant
+    from revline.design.controllers.controller import PidGains
+    from revline.design.tuning.rule_making import RuleValue, TuningRule
+    from revline.design.tuning.tuning_plant import TuningPlant
 
 PROGRAM = f"revline {__version__}"
 """What files say of their origin."""
@@ -37,7 +37,7 @@ ReadingChoice = Literal["tangent", "63"]
 
 def rule_names() -> list[str]:
     """Names of the tuning rules, for the shell's completion."""
-    from revline.design.rules import TUNING_RULES
+    from revline.design.tuning.rules import TUNING_RULES
 
     return [rule.name for rule in TUNING_RULES]
 
@@ -120,7 +120,7 @@ def tune(
 ) -> None:
     """Tune a PI or PID controller for a model by a rule; the gains are in deg of throttle per rad/s for an engine's model."""
     options = {name: value for name, value in locals().items() if name in NUMBERS_AND_NAMES and value is not None} | _start(start)
-    from revline.design.rules import tune_by_rule
+    from revline.design.tuning.rules import tune_by_rule
     from revline.io.json_files import format_json
     from revline.io.rule_records import loop_record, loop_words, tuned_record
 
@@ -156,7 +156,7 @@ def _start(path: Path | None) -> "dict[str, float | str | PidGains]":
 
 def _plant(model: Path | None, choice: EngineChoice) -> "tuple[TuningPlant, dict[str, str]]":
     """What is tuned: a model file, or the engine linearised at a trim; and what files say of it."""
-    from revline.design.tuning_plant import tuning_plant
+    from revline.design.tuning.tuning_plant import tuning_plant
     from revline.io.model_files import read_model
 
     if model is None:
@@ -169,7 +169,7 @@ def _plant(model: Path | None, choice: EngineChoice) -> "tuple[TuningPlant, dict
 
 def _compare(shell: Shell, plant: "TuningPlant", rule: str | None, options: "Mapping[str, RuleValue]", out: Path | None) -> None:
     """Show what every rule gives."""
-    from revline.design.rule_comparison import compare_rules
+    from revline.design.tuning.rule_comparison import compare_rules
     from revline.io.json_files import format_json
     from revline.io.rule_records import comparison_record
 
@@ -196,7 +196,7 @@ def _compare(shell: Shell, plant: "TuningPlant", rule: str | None, options: "Map
 
 
 def _list_rules(shell: Shell) -> None:
-    from revline.design.rules import TUNING_RULES
+    from revline.design.tuning.rules import TUNING_RULES
 
     record = {
         "rules": [

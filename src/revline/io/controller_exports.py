@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final
 
-from revline.design.controller import LAW
-from revline.design.pid_controller import PidController
-from revline.design.pid_update import ROUNDING_DOUBLE, ROUNDING_SINGLE, parameter_units, sampled_pid
-from revline.design.scheduled_pid import AnyController, ScheduledController, law_of, scheduled_pid
+from revline.design.controllers.controller import LAW
+from revline.design.controllers.pid_controller import PidController
+from revline.design.controllers.pid_update import ROUNDING_DOUBLE, ROUNDING_SINGLE, parameter_units, sampled_pid
+from revline.design.controllers.scheduled_pid import AnyController, ScheduledController, law_of, scheduled_pid
 from revline.errors import InvalidInputError, out_of_range
 from revline.io.c_controller import COMPILE, Precision, write_c_controller
 from revline.io.controller_files import controller_record

@@ -20,8 +20,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
-from revline.design.controller import LAW, PidGains
-from revline.design.pid_controller import PidController
+from revline.design.controllers.controller import LAW, PidGains
+from revline.design.controllers.pid_controller import PidController
 from revline.errors import InvalidInputError
 from revline.io.controller_surroundings import parse_surroundings, surroundings_record
 from revline.io.json_files import JsonRecord, read_json, write_json
@@ -46,7 +46,7 @@ class ControllerFile:
 
     @property
     def gains(self) -> PidGains:
-        """The gains, for what knows nothing but the law of `revline.design.pid_system`.
+        """The gains, for what knows nothing but the law of `revline.design.controllers.pid_system`.
 
         Raises:
             InvalidInputError: the controller is more than that, and what is more would be dropped.

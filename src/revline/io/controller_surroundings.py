@@ -5,8 +5,8 @@ import math
 from collections.abc import Mapping
 from typing import Final
 
-from revline.design.controller import PidGains
-from revline.design.pid_controller import AntiWindup, Continuous, PidController, Timing
+from revline.design.controllers.controller import PidGains
+from revline.design.controllers.pid_controller import AntiWindup, Continuous, PidController, Timing
 from revline.errors import InvalidInputError
 from revline.io.json_files import JsonRecord
 from revline.sampled import CrankSynchronous, FixedRate

@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 
-from revline.design.closed_loop import LoopRun
-from revline.design.hunting import HuntingOrbit, UnrefinedCycle
-from revline.design.onset import HuntingOnset
+from revline.design.loops.closed_loop import LoopRun
+from revline.design.loops.hunting import HuntingOrbit, UnrefinedCycle
+from revline.design.loops.onset import HuntingOnset
 from revline.io.loop_records import loop_record
 
 SCHEMA = "revline.limit-cycle/1"

@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
-from revline.design.fit import ModelFit
-from revline.design.model_choice import Verdict
+from revline.design.fitting.fit import ModelFit
+from revline.design.fitting.model_choice import Verdict
 from revline.io.model_files import model_record
 
 

@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 
-from revline.design.gain_columns import GainColumns
-from revline.design.gain_map import GainMap, GainPoint, LostPoint, MapPoint
+from revline.design.maps.gain_columns import GainColumns
+from revline.design.maps.gain_map import GainMap, GainPoint, LostPoint, MapPoint
 from revline.io.headers import header
 
 SPEED = "engine_speed"

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from revline.design.closed_loop import LoopRun, describe_outcome
-from revline.design.linear_loop import find_bandwidth
-from revline.design.linear_verdict import LinearVerdict
-from revline.design.load_response import LoadResponse, LoadStep, measure_load_response
-from revline.design.loop_stability import StableLoop, judge_loop_stability
-from revline.design.outcome import Diverged, LimitCycle, Settled, Stalled
-from revline.design.pid_controller import AnyPid
+from revline.design.controllers.pid_controller import AnyPid
+from revline.design.loops.closed_loop import LoopRun, describe_outcome
+from revline.design.loops.linear_verdict import LinearVerdict
+from revline.design.loops.load_response import LoadResponse, LoadStep, measure_load_response
+from revline.design.loops.outcome import Diverged, LimitCycle, Settled, Stalled
+from revline.design.stability.linear_loop import find_bandwidth
+from revline.design.stability.loop_stability import StableLoop, judge_loop_stability
 from revline.errors import AnalysisError, NotSettledError
 from revline.io.csv_text import format_csv
 from revline.lti.transfer_function import TransferFunction

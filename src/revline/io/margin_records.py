@@ -3,8 +3,8 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from revline.design.margins import GainCrossover, Margins, PhaseCrossover
-from revline.design.pid_controller import AnyPid, PidController
+from revline.design.controllers.pid_controller import AnyPid, PidController
+from revline.design.stability.margins import GainCrossover, Margins, PhaseCrossover
 from revline.io.controller_surroundings import surroundings_record
 
 MOST_CROSSOVERS = 12

@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 
-from revline.design.load_steps import LoadStepRun, StalledRun
-from revline.design.mid_ranging_comparison import MidRangingComparison, PlantComparison
-from revline.design.mid_ranging_margins import MidRangingMargins
+from revline.design.two_inputs.load_steps import LoadStepRun, StalledRun
+from revline.design.two_inputs.mid_ranging_comparison import MidRangingComparison, PlantComparison
+from revline.design.two_inputs.mid_ranging_margins import MidRangingMargins
 from revline.io.csv_text import format_csv
 from revline.io.margin_records import margin_fields
 from revline.system import Floats

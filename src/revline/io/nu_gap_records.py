@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 
-from revline.design.nu_gap import Guarantee, NuGap
+from revline.design.stability.nu_gap import Guarantee, NuGap
 from revline.io.csv_text import format_csv
 from revline.io.headers import header
 

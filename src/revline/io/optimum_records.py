@@ -3,14 +3,14 @@
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from revline.design.competitors import Comparison, Competitor
-from revline.design.controller import PidGains
-from revline.design.loop_cost import Cost
-from revline.design.margins import find_margins
-from revline.design.open_loop import OpenLoop
-from revline.design.optimise import Optimum
-from revline.design.pid_controller import AntiWindup, PidController
-from revline.design.tuning_plant import TuningPlant
+from revline.design.controllers.controller import PidGains
+from revline.design.controllers.pid_controller import AntiWindup, PidController
+from revline.design.optimum.competitors import Comparison, Competitor
+from revline.design.optimum.loop_cost import Cost
+from revline.design.optimum.optimise import Optimum
+from revline.design.stability.margins import find_margins
+from revline.design.stability.open_loop import OpenLoop
+from revline.design.tuning.tuning_plant import TuningPlant
 from revline.errors import NotConvergedError
 from revline.io.controller_files import controller_record
 

@@ -5,12 +5,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from revline.design.gain_rays import Crossing
-from revline.design.gain_region import GainRegion
-from revline.design.gain_slices import GainSlice, LargestKd, Placed
-from revline.design.nonlinear_boundary import BoundaryPoint, NonlinearBoundary
-from revline.design.outcome import LimitCycle
-from revline.design.sensitivity_contour import SensitivityContour
+from revline.design.loops.outcome import LimitCycle
+from revline.design.regions.gain_rays import Crossing
+from revline.design.regions.gain_region import GainRegion
+from revline.design.regions.gain_slices import GainSlice, LargestKd, Placed
+from revline.design.regions.nonlinear_boundary import BoundaryPoint, NonlinearBoundary
+from revline.design.regions.sensitivity_contour import SensitivityContour
 from revline.io.csv_text import format_csv
 from revline.io.headers import header
 

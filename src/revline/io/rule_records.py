@@ -3,11 +3,11 @@
 from collections.abc import Mapping
 from typing import Final
 
-from revline.design.controller import PidGains
-from revline.design.margins import Margins, find_margins
-from revline.design.rule_comparison import RuleComparison
-from revline.design.rule_making import recommended_controller
-from revline.design.tuning_plant import TuningPlant
+from revline.design.controllers.controller import PidGains
+from revline.design.stability.margins import Margins, find_margins
+from revline.design.tuning.rule_comparison import RuleComparison
+from revline.design.tuning.rule_making import recommended_controller
+from revline.design.tuning.tuning_plant import TuningPlant
 from revline.errors import InvalidInputError
 from revline.io.controller_files import controller_record
 

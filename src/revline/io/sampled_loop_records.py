@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
-from revline.design.controller_samples import DisturbedRun, Samples
-from revline.design.loop_run import LoopRun
-from revline.design.outcome import LimitCycle
-from revline.design.sampled_step import SampledStep
+from revline.design.loops.controller_samples import DisturbedRun, Samples
+from revline.design.loops.loop_run import LoopRun
+from revline.design.loops.outcome import LimitCycle
+from revline.design.loops.sampled_step import SampledStep
 from revline.io.controller_surroundings import surroundings_record
 from revline.io.csv_text import format_csv
 from revline.io.loop_records import TERMS, format_loop, term_fields

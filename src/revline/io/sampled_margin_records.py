@@ -3,8 +3,8 @@
 import math
 from collections.abc import Mapping
 
-from revline.design.controller import PidGains
-from revline.design.sampled_margins import SampledMargins
+from revline.design.controllers.controller import PidGains
+from revline.design.stability.sampled_margins import SampledMargins
 from revline.io.margin_records import controller_fields, crossover_fields
 
 _ROWS = (

@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from revline.design.controller import LAW, PidGains
-from revline.design.gain_schedule import GainSchedule, Scaling
-from revline.design.scheduled_pid import ScheduledController
+from revline.design.controllers.controller import LAW, PidGains
+from revline.design.controllers.gain_schedule import GainSchedule, Scaling
+from revline.design.controllers.scheduled_pid import ScheduledController
 from revline.errors import InvalidInputError
 from revline.io.controller_surroundings import parse_surroundings, surroundings_record
 from revline.io.json_files import JsonRecord

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Final
 
-from revline.design.ultimate import UltimatePoint
-from revline.design.ultimate_comparison import UltimateComparison
+from revline.design.tuning.ultimate import UltimatePoint
+from revline.design.tuning.ultimate_comparison import UltimateComparison
 
 SCHEMA: Final = "revline.ultimate/1"
 

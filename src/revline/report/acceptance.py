@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from revline.design.acceptance import Kind
-from revline.design.acceptance_summary import AcceptanceSummary, Floats, PlaceSummary
+from revline.design.trials.acceptance import Kind
+from revline.design.trials.acceptance_summary import AcceptanceSummary, Floats, PlaceSummary
 from revline.errors import InvalidInputError
 from revline.report.parts import Level, draw_levels
 from revline.report.style import BLACK, BLUE, GREEN, HEIGHT, PURPLE, VERMILION, WIDE, Quantity, add_legend, drawn, finish_layout, new_figure

@@ -7,9 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from revline.design.gain_columns import GainColumns, peak_columns, stable_columns
-from revline.design.gain_map import GainMap, GainPoint
-from revline.design.schedule_design import ScheduleResult
+from revline.design.maps.gain_columns import GainColumns, peak_columns, stable_columns
+from revline.design.maps.gain_map import GainMap, GainPoint
+from revline.design.maps.schedule_design import ScheduleResult
 from revline.errors import InvalidInputError
 from revline.report.parts import draw_curve
 from revline.report.style import (

@@ -8,10 +8,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from revline.design.gain_region import GainRegion
-from revline.design.gain_slices import GainSlice
-from revline.design.nonlinear_boundary import NonlinearBoundary
-from revline.design.sensitivity_contour import SensitivityContour
+from revline.design.regions.gain_region import GainRegion
+from revline.design.regions.gain_slices import GainSlice
+from revline.design.regions.nonlinear_boundary import NonlinearBoundary
+from revline.design.regions.sensitivity_contour import SensitivityContour
 from revline.errors import InvalidInputError
 from revline.report.notes import Note, mark_points, place_notes
 from revline.report.parts import check_some, draw_curve

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from revline.design.outcome import Diverged, LimitCycle, Outcome, Settled, Stalled
+from revline.design.loops.outcome import Diverged, LimitCycle, Outcome, Settled, Stalled
 from revline.errors import InvalidInputError
 from revline.report.notes import Note, mark_points, place_notes
 from revline.report.parts import Level, check_columns, draw_curve, draw_levels

@@ -5,7 +5,7 @@ from typing import Final
 
 from matplotlib.figure import Figure
 
-from revline.design.load_steps import LoadStepRun, StalledRun
+from revline.design.two_inputs.load_steps import LoadStepRun, StalledRun
 from revline.errors import InvalidInputError
 from revline.report.parts import Level, draw_curve, draw_levels
 from revline.report.style import (

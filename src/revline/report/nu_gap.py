@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from revline.design.nu_gap import Guarantee
+from revline.design.stability.nu_gap import Guarantee
 from revline.errors import InvalidInputError
 from revline.report.parts import Level, check_some, draw_curve, draw_levels
 from revline.report.style import (

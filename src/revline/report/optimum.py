@@ -5,7 +5,7 @@ from typing import Final
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from revline.design.competitors import Comparison, Competitor
+from revline.design.optimum.competitors import Comparison, Competitor
 from revline.errors import InvalidInputError
 from revline.report.style import BLUE, VERMILION, WIDE, Quantity, add_legend, drawn, finish_layout, label_axes, new_figure, use_log
 

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
-from revline.design.step_measures import StepMeasures
+from revline.design.loops.step_measures import StepMeasures
 from revline.errors import InvalidInputError, out_of_range
 from revline.report.notes import Note, mark_points, place_notes
 from revline.report.parts import Level, check_columns, check_some, draw_curve, draw_levels

@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from revline.design.closed_loop import LoopRun
+from revline.design.loops.closed_loop import LoopRun
 from revline.report.numbers import MINUS
 from revline.studies.config import reference_text
 from revline.studies.own_figures import OWN_CAPTIONS, OWN_ROWS, is_drawn

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from revline.design.outcome import Diverged, LimitCycle
+from revline.design.loops.outcome import Diverged, LimitCycle
 from revline.studies.config import StudyConfig, read_table_4_1
 from revline.studies.results import title
 from revline.studies.routes import route_measures

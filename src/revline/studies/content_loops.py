@@ -4,7 +4,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from revline.design.outcome import LimitCycle
+from revline.design.loops.outcome import LimitCycle
 from revline.report.blocks import Align, Callout, CalloutKind, Column, Paragraph, TableBlock
 from revline.report.document import Section
 from revline.report.inline import Text, marked

@@ -5,8 +5,8 @@ from collections.abc import Iterable
 from types import MappingProxyType
 from typing import Any
 
-from revline.design.controller import PidGains
-from revline.design.fine_tuning import FineTuning
+from revline.design.controllers.controller import PidGains
+from revline.design.tuning.fine_tuning import FineTuning
 from revline.report.blocks import Align, Callout, CalloutKind, Column, Equation, ItemList, Paragraph, TableBlock
 from revline.report.document import Section
 from revline.report.inline import Text, marked

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 
-from revline.design.margins import Margins
+from revline.design.stability.margins import Margins
 from revline.report.blocks import Align, Callout, CalloutKind, Column, Paragraph, TableBlock
 from revline.report.document import Section
 from revline.report.inline import Text, marked

@@ -13,8 +13,8 @@ import numpy as np
 
 from revline import signals
 from revline.dde.simulate import Start, simulate
-from revline.design.fit import DelayRule, fit_transfer_function
-from revline.design.varying_lag import varying_lag_model
+from revline.design.fitting.fit import DelayRule, fit_transfer_function
+from revline.design.plants.varying_lag import varying_lag_model
 from revline.errors import RevlineError
 from revline.lti.transfer_function import TransferFunction
 from revline.report.blocks import Align, Block, Column, Paragraph, TableBlock

@@ -10,9 +10,9 @@ from revline.analysis.cycle_readings import ReadingMethod
 from revline.analysis.linearize import linearize
 from revline.analysis.operating_range import LineFit
 from revline.analysis.trim import Trim
-from revline.design.linear_loop import closed_loop_response
-from revline.design.outcome import Diverged
-from revline.design.step_measures import StepMeasures
+from revline.design.loops.outcome import Diverged
+from revline.design.loops.step_measures import StepMeasures
+from revline.design.stability.linear_loop import closed_loop_response
 from revline.engine import air, torque
 from revline.engine.lee1995 import EngineParameters, lee1995_parameters
 from revline.errors import NotSettledError

@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 
 from revline.analysis.linearize import linearize
-from revline.design.closed_loop import LoopRun, describe_outcome
-from revline.design.gain_rays import GainLimit, NoGainLimit, find_gain_limit
-from revline.design.loop_family import family_of_model, family_of_system
-from revline.design.outcome import Stalled
+from revline.design.loops.closed_loop import LoopRun, describe_outcome
+from revline.design.loops.outcome import Stalled
+from revline.design.regions.gain_rays import GainLimit, NoGainLimit, find_gain_limit
+from revline.design.regions.loop_family import family_of_model, family_of_system
 from revline.studies.operating_map import box_words
 from revline.studies.results import title
 from revline.studies.study_results import StudyResults

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from revline.design.onset import RayPoint
+from revline.design.loops.onset import RayPoint
 from revline.values import make_read_only
 
 Floats = NDArray[np.float64]

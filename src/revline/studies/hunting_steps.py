@@ -1,9 +1,9 @@
 """The study's step on hunting: limit cycles computed as orbits of the engine's loops, held against their simulation, and their onset."""
 
-from revline.design.closed_loop import LoopRun
-from revline.design.hunting import confirm_cycle
-from revline.design.onset import RayTask, find_onset
-from revline.design.outcome import LimitCycle
+from revline.design.loops.closed_loop import LoopRun
+from revline.design.loops.hunting import confirm_cycle
+from revline.design.loops.onset import RayTask, find_onset
+from revline.design.loops.outcome import LimitCycle
 from revline.errors import NotConvergedError, RevlineError
 from revline.studies.hunting_results import CycleRow, HuntingResult, NoCycle, OnsetRow
 from revline.studies.loop_steps import operating_point, throttle_limits

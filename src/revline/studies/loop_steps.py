@@ -8,11 +8,11 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 from revline import signals
-from revline.design.closed_loop import Limits, LoopRun, LoopTask, run_linear_loop, run_loop
-from revline.design.controller import PidGains
-from revline.design.linear_loop import measure_closed_loop
-from revline.design.loop_signals import OperatingPoint
-from revline.design.loop_stability import judge_loop_stability
+from revline.design.controllers.controller import PidGains
+from revline.design.loops.closed_loop import Limits, LoopRun, LoopTask, run_linear_loop, run_loop
+from revline.design.plants.loop_signals import OperatingPoint
+from revline.design.stability.linear_loop import measure_closed_loop
+from revline.design.stability.loop_stability import judge_loop_stability
 from revline.engine.lee1995 import lee1995_parameters
 from revline.errors import AnalysisError, NotSettledError
 from revline.lti.transfer_function import TransferFunction

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from revline.analysis.linearize import linearize
-from revline.design.compared_plant import plant_of_model, plant_of_system
-from revline.design.nu_gap import Guarantee, judge_controller
+from revline.design.stability.compared_plant import plant_of_model, plant_of_system
+from revline.design.stability.nu_gap import Guarantee, judge_controller
 from revline.errors import RevlineError
 from revline.io.nu_gap_records import summarise
 from revline.report.nu_gap import plot_nu_gap

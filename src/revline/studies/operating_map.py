@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from revline.analysis.threads import Progress
-from revline.design.gain_box import BoxGains, Floor, find_largest_box
-from revline.design.gain_map import Design, GainGrid, GainMap, find_gain_map
-from revline.design.schedule_design import ScheduleResult, design_schedule
+from revline.design.maps.gain_box import BoxGains, Floor, find_largest_box
+from revline.design.maps.gain_map import Design, GainGrid, GainMap, find_gain_map
+from revline.design.maps.schedule_design import ScheduleResult, design_schedule
 from revline.io.common_gain_records import box_record, schedule_record
 from revline.io.gain_map_records import gain_map_record
 from revline.report.gain_maps import plot_gain_map, plot_schedule

@@ -12,9 +12,9 @@ from revline.analysis.cycle_readings import ReadingMethod
 from revline.analysis.operating_range import OperatingRange
 from revline.analysis.sinestream import Sinestream
 from revline.analysis.spectrum import SpectralCheck
-from revline.design.closed_loop import LoopRun
-from revline.design.controller import PidGains
-from revline.design.outcome import Diverged, LimitCycle, Settled
+from revline.design.controllers.controller import PidGains
+from revline.design.loops.closed_loop import LoopRun
+from revline.design.loops.outcome import Diverged, LimitCycle, Settled
 from revline.errors import NotSettledError
 from revline.io.linear_range_records import linear_range_record
 from revline.lti.response import FrequencyResponse

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from revline.analysis.operating_range import LineFit, OperatingRange
 from revline.analysis.steady_map import SteadyMap
 from revline.analysis.trim import Trim
-from revline.design.closed_loop import LoopRun
-from revline.design.controller import PidGains
-from revline.design.fine_tuning import FineTuning
-from revline.design.model_choice import NamedFit, Verdict
-from revline.design.step_tangent import StepTangent
+from revline.design.controllers.controller import PidGains
+from revline.design.fitting.model_choice import NamedFit, Verdict
+from revline.design.loops.closed_loop import LoopRun
+from revline.design.tuning.fine_tuning import FineTuning
+from revline.design.tuning.step_tangent import StepTangent
 from revline.errors import RevlineError
 from revline.lti.response import FrequencyResponse
 from revline.values import make_read_only

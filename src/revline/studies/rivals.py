@@ -7,12 +7,12 @@ from typing import Any
 
 from revline.analysis.linearize import linearize
 from revline.analysis.trim import Trim
-from revline.design.competitors import Comparison, Competitor, compare_with_competitors
-from revline.design.optimum_problem import find_scale, make_grid
-from revline.design.relay import RelayTask
-from revline.design.rule_comparison import RefusedRule, compare_rules
-from revline.design.tuning_plant import TuningPlant, tuning_plant
-from revline.design.ultimate_comparison import UltimateComparison, compare_ultimate_points
+from revline.design.optimum.competitors import Comparison, Competitor, compare_with_competitors
+from revline.design.optimum.optimum_problem import find_scale, make_grid
+from revline.design.tuning.relay import RelayTask
+from revline.design.tuning.rule_comparison import RefusedRule, compare_rules
+from revline.design.tuning.tuning_plant import TuningPlant, tuning_plant
+from revline.design.tuning.ultimate_comparison import UltimateComparison, compare_ultimate_points
 from revline.io.optimum_records import comparison_record
 from revline.io.ultimate_records import ultimate_record
 from revline.report.optimum import plot_comparison

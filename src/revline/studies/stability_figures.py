@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from revline.design.gain_region import Window
+from revline.design.regions.gain_region import Window
 from revline.report.curves import WHOLE, View
 from revline.report.cycles import Plane, plot_branch, plot_orbit
 from revline.report.gain_overlay import Outline, plot_gain_overlay

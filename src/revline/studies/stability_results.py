@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from revline.analysis.trim import Trim
-from revline.design.gain_region import Window
-from revline.design.margins import Margins
+from revline.design.regions.gain_region import Window
+from revline.design.stability.margins import Margins
 from revline.values import make_read_only
 
 Floats = NDArray[np.float64]

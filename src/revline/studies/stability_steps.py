@@ -7,13 +7,13 @@ import numpy as np
 
 from revline.analysis.linearize import linearize
 from revline.analysis.trim import Trim, find_trim
-from revline.design.controller import PidGains
-from revline.design.gain_curve import LoopFamily
-from revline.design.gain_region import GainRegion, Window, find_gain_region, find_window
-from revline.design.loop_family import family_of_model, family_of_system
-from revline.design.margins import find_margins
-from revline.design.open_loop import OpenLoop, open_loop_of_model, open_loop_of_system
-from revline.design.sensitivity_contour import find_sensitivity_contour
+from revline.design.controllers.controller import PidGains
+from revline.design.regions.gain_curve import LoopFamily
+from revline.design.regions.gain_region import GainRegion, Window, find_gain_region, find_window
+from revline.design.regions.loop_family import family_of_model, family_of_system
+from revline.design.regions.sensitivity_contour import find_sensitivity_contour
+from revline.design.stability.margins import find_margins
+from revline.design.stability.open_loop import OpenLoop, open_loop_of_model, open_loop_of_system
 from revline.errors import AnalysisError, RevlineError
 from revline.lti.state_space import DelayStateSpace
 from revline.lti.transfer_function import TransferFunction

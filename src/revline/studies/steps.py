@@ -16,11 +16,11 @@ from revline.analysis.steady_map import SteadyMap, find_steady_map
 from revline.analysis.threads import Progress
 from revline.analysis.trim import Trim, find_trim
 from revline.dde.simulate import Options, Start, Trajectory, simulate
-from revline.design.controller import PidGains
-from revline.design.fine_tuning import FineTuning, Objective, fine_tune
-from revline.design.model_choice import choose_model, fit_all_models, judge_model
-from revline.design.rules_step import tune_pi_pole_placement, tune_pid_ziegler_nichols, tune_pid_ziegler_nichols_without_gain
-from revline.design.step_tangent import measure_step_tangent
+from revline.design.controllers.controller import PidGains
+from revline.design.fitting.model_choice import choose_model, fit_all_models, judge_model
+from revline.design.tuning.fine_tuning import FineTuning, Objective, fine_tune
+from revline.design.tuning.rules_step import tune_pi_pole_placement, tune_pid_ziegler_nichols, tune_pid_ziegler_nichols_without_gain
+from revline.design.tuning.step_tangent import measure_step_tangent
 from revline.engine.lee1995 import lee1995_parameters
 from revline.engine.torque import Rotation
 from revline.errors import AnalysisError, InvalidInputError, StepError

@@ -5,9 +5,9 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
-from revline.design.closed_loop import describe_outcome
-from revline.design.outcome import LimitCycle
-from revline.design.schedule_design import ScheduleResult
+from revline.design.loops.closed_loop import describe_outcome
+from revline.design.loops.outcome import LimitCycle
+from revline.design.maps.schedule_design import ScheduleResult
 from revline.report.tables import NumberColumn, Table
 from revline.studies.config import StudyConfig, read_table_4_1
 from revline.studies.results import LoopRow, ModelsResult, title

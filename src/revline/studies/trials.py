@@ -6,13 +6,13 @@ from typing import Any, NamedTuple
 
 from revline.analysis.threads import Progress
 from revline.analysis.trim import find_trim
-from revline.design.acceptance import Battery, Requirements, accept
-from revline.design.acceptance_summary import AcceptanceSummary, PlaceSummary, summarise_acceptance
-from revline.design.controller import PidGains
-from revline.design.optimise import Optimum, optimise
-from revline.design.optimum_problem import Bounds, Objective, find_scale, make_grid
-from revline.design.pid_controller import PidController
-from revline.design.scheduled_pid import AnyController, ScheduledController, law_of
+from revline.design.controllers.controller import PidGains
+from revline.design.controllers.pid_controller import PidController
+from revline.design.controllers.scheduled_pid import AnyController, ScheduledController, law_of
+from revline.design.optimum.optimise import Optimum, optimise
+from revline.design.optimum.optimum_problem import Bounds, Objective, find_scale, make_grid
+from revline.design.trials.acceptance import Battery, Requirements, accept
+from revline.design.trials.acceptance_summary import AcceptanceSummary, PlaceSummary, summarise_acceptance
 from revline.engine.lee1995 import lee1995_parameters
 from revline.engine.spread import spread_engine
 from revline.errors import RevlineError

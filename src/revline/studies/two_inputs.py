@@ -4,9 +4,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from revline.analysis.trim import find_trim
-from revline.design.load_steps import LoadStep, LoadStepRun
-from revline.design.mid_ranging import MidRangingBounds, design_mid_ranging
-from revline.design.mid_ranging_comparison import MidRangingComparison, OutputLimits, PlantCase, PlantComparison, compare_mid_ranging
+from revline.design.two_inputs.load_steps import LoadStep, LoadStepRun
+from revline.design.two_inputs.mid_ranging import MidRangingBounds, design_mid_ranging
+from revline.design.two_inputs.mid_ranging_comparison import (
+    MidRangingComparison,
+    OutputLimits,
+    PlantCase,
+    PlantComparison,
+    compare_mid_ranging,
+)
 from revline.engine.lee1995 import lee1995_parameters
 from revline.io.mid_ranging_records import plant_fields
 from revline.report.mid_ranging import plot_load_steps

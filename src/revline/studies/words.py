@@ -3,8 +3,8 @@
 import re
 from types import MappingProxyType
 
-from revline.design.closed_loop import MISSED, LoopRun, describe_outcome
-from revline.design.outcome import Diverged, LimitCycle, Settled, Stalled
+from revline.design.loops.closed_loop import MISSED, LoopRun, describe_outcome
+from revline.design.loops.outcome import Diverged, LimitCycle, Settled, Stalled
 from revline.errors import NotSettledError
 from revline.report.numbers import MINUS, format_number
 from revline.studies.results import title

@@ -1,0 +1,1 @@
+"""Controllers as they run: their law, their forms, continuous, sampled and scheduled."""

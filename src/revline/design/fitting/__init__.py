@@ -1,0 +1,1 @@
+"""Fitting transfer functions to frequency responses, and choosing among them."""

@@ -1,0 +1,1 @@
+"""Gains over a map of operating points: what holds everywhere, and schedules."""

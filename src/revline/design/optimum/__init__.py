@@ -1,0 +1,1 @@
+"""Gains of least error under bounds."""

@@ -1,0 +1,1 @@
+"""Gains that stabilise a loop, its delay exact."""

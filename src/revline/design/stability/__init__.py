@@ -1,0 +1,1 @@
+"""Linear loops with their delay exact: stability, margins, and the distance between plants."""

@@ -1,0 +1,1 @@
+"""Acceptance on the sampled, noisy, nonlinear plant, and how far hunting is."""

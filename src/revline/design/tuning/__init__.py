@@ -1,0 +1,1 @@
+"""Tuning rules, and the ultimate gain from model and experiment."""

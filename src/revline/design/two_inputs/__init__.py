@@ -1,0 +1,1 @@
+"""Two inputs with two delays: mid-ranging against one input alone."""
