@@ -81,9 +81,13 @@ class Optimum:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Problem:
-    """A fit in scaled units: s in units of `frequency`, the response in units of `gain`; weighted data have length 1."""
+    """A fit in scaled units: s in units of `frequency`, the response in units of `gain`; weighted data have length 1.
+
+    `powers` holds the powers of s from 0 on as columns, as many as any of the polynomials has coefficients.
+    """
 
     s: Complexes
+    powers: Complexes
     values: Complexes
     weights: Floats
     zeros: int
@@ -118,8 +122,14 @@ class Problem:
     def model(self, x: Floats) -> tuple[Complexes, Complexes]:
         """The model's response and exp(-s delay) / denominator."""
         top, bottom, delay = self.split(x)
-        factor = np.exp(-self.s * delay) / np.polynomial.polynomial.polyval(self.s, bottom)
-        return np.polynomial.polynomial.polyval(self.s, top) * factor, factor
+        factor = 1.0 / self.polynomial(bottom)
+        if self.free_delay:
+            factor = np.exp(-self.s * delay) * factor
+        return self.polynomial(top) * factor, factor
+
+    def polynomial(self, coefficients: Floats) -> Complexes:
+        """A polynomial in s, by ascending coefficients, at each frequency."""
+        return np.asarray(self.powers[:, : coefficients.size] @ coefficients)
 
     def residuals(self, x: Floats) -> Floats:
         """Weighted errors, real parts before imaginary parts."""
@@ -128,11 +138,13 @@ class Problem:
     def jacobian(self, x: Floats) -> Floats:
         """Derivatives of the residuals, exact."""
         response, factor = self.model(x)
-        bottom = np.polynomial.polynomial.polyval(self.s, self.split(x)[1])
-        columns = [factor * self.s**k for k in range(self.zeros + 1)]
-        columns += [-response * self.s**k / bottom for k in range(1, self.poles + 1)]
-        columns += [-self.s * response] * self.free_delay
-        return _stack(self.weights[:, None] * np.stack(columns, axis=1))
+        columns = np.empty((self.s.size, self.size), dtype=complex)
+        cut = self.zeros + 1
+        columns[:, :cut] = factor[:, None] * self.powers[:, :cut]
+        columns[:, cut : cut + self.poles] = (-response / self.polynomial(self.split(x)[1]))[:, None] * self.powers[:, 1 : self.poles + 1]
+        if self.free_delay:
+            columns[:, -1] = -self.s * response
+        return _stack(self.weights[:, None] * columns)
 
 
 def make_problem(omega: Floats, values: Complexes, weights: Floats, zeros: int, poles: int, free_delay: int) -> Problem:
@@ -152,8 +164,10 @@ def make_problem(omega: Floats, values: Complexes, weights: Floats, zeros: int, 
     # The largest weight first, so that the squares of extreme ones do not overflow.
     weight = float(weights.max())
     weight *= float(np.linalg.norm(weights / weight * np.abs(values / gain)))
+    s = np.asarray(1j * omega / frequency, dtype=complex)
     return Problem(
-        s=np.asarray(1j * omega / frequency, dtype=complex),
+        s=s,
+        powers=np.asarray(s[:, None] ** np.arange(max(zeros, poles) + 1), dtype=complex),
         values=values / gain,
         weights=weights / weight,
         zeros=zeros,
@@ -172,7 +186,7 @@ def minimise(problem: Problem) -> Optimum:
 
     Source:
         Levy (1959), IRE Trans. Automatic Control 4, 37-43, and Sanathanan and Koerner (1963), IEEE Trans. Automatic Control 8,
-        56-58 (starts); Branch, Coleman and Li (1999), SIAM J. Sci. Comput. 21, 1-23 (trust region).
+        56-58 (starts); More (1978), Lecture Notes in Mathematics 630, 105-116 (Levenberg-Marquardt, as MINPACK has it).
 
     Raises:
         NotConvergedError: the gradient at the best point is not zero to rounding.
@@ -219,6 +233,7 @@ def _descend(problem: Problem, start: Floats) -> Floats:
         problem.residuals,
         start,
         jac=problem.jacobian,
+        method="lm",
         x_scale="jac",
         ftol=_TOLERANCE,
         xtol=_TOLERANCE,
@@ -229,7 +244,7 @@ def _descend(problem: Problem, start: Floats) -> Floats:
 
 
 def _polish(problem: Problem, x: Floats) -> Floats:
-    """Gauss-Newton, then Newton steps, for as long as they shrink the gradient: a trust region stops at the root of rounding."""
+    """Gauss-Newton, then Newton steps, for as long as they shrink the gradient: the descent stops at the root of rounding."""
     gradient = _gradient(problem, x)
     for find_step in (_gauss_newton_step, _newton_step):
         for _ in range(_POLISH_STEPS):
@@ -305,8 +320,8 @@ def _delay_starts(problem: Problem) -> Floats:
 
 def _linear_fit(problem: Problem, values: Complexes, previous: Floats) -> tuple[Floats, Floats]:
     """One Sanathanan-Koerner step: numerator - values * denominator, over the previous denominator, linear in both."""
-    weights = problem.weights / np.abs(np.polynomial.polynomial.polyval(problem.s, previous))
-    powers = problem.s[:, None] ** np.arange(max(problem.zeros, problem.poles) + 1)
+    weights = problem.weights / np.abs(problem.polynomial(previous))
+    powers = problem.powers
     columns = np.concatenate([powers[:, : problem.zeros + 1], -values[:, None] * powers[:, 1 : problem.poles + 1]], axis=1)
     solution = _solve(_stack(weights[:, None] * columns), _stack(weights * values))
     return solution[: problem.zeros + 1], np.append(1.0, solution[problem.zeros + 1 :])
@@ -314,8 +329,8 @@ def _linear_fit(problem: Problem, values: Complexes, previous: Floats) -> tuple[
 
 def _numerator(problem: Problem, values: Complexes, bottom: Floats) -> Floats:
     """The best numerator for a given denominator: a linear problem."""
-    factor = problem.weights / np.polynomial.polynomial.polyval(problem.s, bottom)
-    columns = factor[:, None] * problem.s[:, None] ** np.arange(problem.zeros + 1)
+    factor = problem.weights / problem.polynomial(bottom)
+    columns = factor[:, None] * problem.powers[:, : problem.zeros + 1]
     return _solve(_stack(columns), _stack(problem.weights * values))
 
 
