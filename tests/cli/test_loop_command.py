@@ -317,3 +317,11 @@ def test_what_a_model_s_loop_refuses(revline: Command, g1: Path, tmp_path: Path)
         done = revline("loop", g1, plain, *arguments)
         assert done.status == 2
         assert message in " ".join(done.err.split())
+
+
+def test_a_step_of_the_load_at_the_end_warns(revline: Command, tmp_path: Path) -> None:
+    path = tmp_path / "c2d.json"
+    path.write_text(json.dumps({"kp": 1.2, "ki": 2.0, "kd": 0.1}))
+    done = revline("loop", path, "--throttle", 25, "--step", 10, "--until", 4, "--load-step", 5, "--load-at", 3.9999, "--json")
+    assert "warning: only 0.0001 s of the record follow the load's step at 3.9999 s" in done.err
+    assert any("the outcome says nothing of the answer" in text for text in json.loads(done.out)["warnings"])

@@ -14,12 +14,13 @@ from revline.design.controllers.controller import PidGains
 from revline.design.fitting.fit import DelayRule, fit_transfer_function
 from revline.design.fitting.model_choice import judge_model
 from revline.design.loops.closed_loop import Limits, LoopRun, LoopTask, run_linear_loop
+from revline.design.loops.load_response import LoadStep
 from revline.design.loops.outcome import LimitCycle, Settled, Stalled
 from revline.design.plants.loop_signals import operating_point
 from revline.engine.lee1995 import lee1995
 from revline.io.fit_records import fit_record
 from revline.io.json_files import format_json, parse_json
-from revline.io.loop_records import bandwidth_fields, format_loop, loop_record, loop_warnings
+from revline.io.loop_records import bandwidth_fields, format_loop, late_load, loop_record, loop_warnings
 from revline.io.model_files import parse_model
 from revline.io.point_records import format_map, linearization_record, map_record, trim_record, trim_warnings
 from revline.lti.transfer_function import TransferFunction
@@ -140,6 +141,16 @@ def test_a_loop_that_rests_off_its_target_or_shows_no_settling_time_warns() -> N
     short = run.first_part(0.35)
     assert loop_warnings(short) == ("the record is too short to show a settling time; give a later stop time",)
     assert loop_warnings(replace(run, outcome=Stalled(time=0.4, state="engine_speed", value=0.0))) == ()
+
+
+def test_a_load_s_step_at_the_end_of_the_record_is_said_to_go_unanswered() -> None:
+    run = settled()
+    end = float(run.times[-1])
+    assert late_load(run, LoadStep(size=5.0, at=0.5 * end)) == ()
+    (text,) = late_load(run, LoadStep(size=5.0, at=0.95 * end))
+    assert text.startswith(f"only {0.05 * end:.3g} s of the record follow the load's step")
+    (text,) = late_load(run, LoadStep(size=5.0, at=2.0 * end))
+    assert text.startswith("the record ends before the load's step")
 
 
 def test_what_does_not_exist_is_left_out() -> None:

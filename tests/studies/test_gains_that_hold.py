@@ -5,6 +5,8 @@ import json
 
 import pytest
 
+from revline.design.maps.gain_map import LostPoint
+from revline.engine.lee1995 import lee1995
 from revline.errors import AnalysisError
 from revline.report.blocks import Paragraph, TableBlock
 from revline.report.inline import plain
@@ -14,14 +16,14 @@ from revline.studies.config import StudyConfig
 from revline.studies.content_design import design_section
 from revline.studies.made import Made
 from revline.studies.material import Material
-from revline.studies.operating_map import MAP_FIGURE, SCHEDULE_FIGURE, MapResult, map_fields, map_words
+from revline.studies.operating_map import MAP_FIGURE, SCHEDULE_FIGURE, MapResult, lost_words, map_fields, map_words
 from revline.studies.results import NotFound, attempt
 from revline.studies.rivals import FIGURE as RIVALS_FIGURE
 from revline.studies.rivals import rivals_fields, rivals_words
 from revline.studies.study_results import StudyResults
 from revline.studies.tables import study_tables
 from revline.studies.trials import FIGURE as TRIALS_FIGURE
-from revline.studies.trials import SCHEDULE, TrialsResult, trials_fields
+from revline.studies.trials import SCHEDULE, TrialsResult, map_places, trials_fields
 from revline.studies.two_inputs import FIGURE as TWO_INPUTS_FIGURE
 from revline.studies.two_inputs import TwoInputsResult, find_two_inputs, two_inputs_fields, two_inputs_words
 from revline.studies.writing import find_warnings
@@ -64,6 +66,24 @@ def test_the_schedule_keeps_its_bound_where_no_gains_do_and_is_accepted(results:
     assert len(trials[SCHEDULE].places) == 6
     assert not trials["c2d"].passed
     assert trials["optimum"].passed
+
+
+def test_points_that_cannot_be_tried_are_told() -> None:
+    """Under 100 N m the engine does not rest at 15.5 deg, so that the schedule is tried at fewer points, and that is said."""
+    config = StudyConfig(map_load_n_m=(0.0, 100.0))
+    engine = lee1995()
+    places, lost = map_places({engine.name: engine}, config)
+    assert len(places) == 5
+    ((what, reason),) = lost
+    assert what == "schedule at 15.5 deg, 100 N m, lee1995"
+    assert "no trim" in reason
+
+
+def test_points_between_the_nodes_that_were_lost_are_told(results: StudyResults) -> None:
+    (schedule,) = results.operating_map.schedule
+    assert lost_words(schedule) == ""
+    cut = dataclasses.replace(schedule, lost=(LostPoint(place=(100.0, 40.0), reason="it stalls"),))
+    assert lost_words(cut) == " 1 more could not be tried (the first: it stalls)."
 
 
 def test_the_spark_halves_the_droop(results: StudyResults) -> None:

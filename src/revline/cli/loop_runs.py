@@ -204,16 +204,18 @@ def _result(
     found: "LoopRun | SampledStep", load: "LoadStep | None", controller: "PidController", judge: "Callable[[], LinearVerdict]"
 ) -> LoopResult:
     from revline.design.loops.sampled_step import SampledStep
-    from revline.io.loop_records import loop_record, loop_warnings, verdict_fields
+    from revline.io.loop_records import late_load, loop_record, loop_warnings, verdict_fields
     from revline.io.margin_records import controller_fields
     from revline.io.sampled_loop_records import sampled_fields
 
     run = found.run if isinstance(found, SampledStep) else found
+    late: tuple[str, ...] = ()
     if load is not None:  # what the load does to the speed is no overshoot of the command
+        late = late_load(run, load)
         run = replace(run, overshoot=run.first_part(load.at).overshoot)
     sampled = replace(found, run=run) if isinstance(found, SampledStep) else None
     record = {**loop_record(run, load), **({} if sampled is None else sampled_fields(sampled))}
-    warnings = [*loop_warnings(run), *(() if sampled is None else sampled.notes)]
+    warnings = [*late, *loop_warnings(run), *(() if sampled is None else sampled.notes)]
     try:
         verdict = judge()
     except (AnalysisError, InvalidInputError, NotConvergedError) as error:

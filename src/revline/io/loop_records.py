@@ -22,6 +22,9 @@ Floats = NDArray[np.float64]
 OFF_TARGET = 0.02
 """Share of the command beyond which a speed at rest counts as off its target: the usual settling band."""
 
+LEAST_AFTER = 0.2
+"""A record goes on after a step of the load for this share of the time before it at least, to tell of the answer."""
+
 TERMS = ("proportional", "integral", "derivative")
 """Names of the controller's terms, in their order."""
 
@@ -112,6 +115,20 @@ def loop_warnings(run: LoopRun) -> tuple[str, ...]:
     if not _settling(run):
         return ("the record is too short to show a settling time; give a later stop time",)
     return ()
+
+
+def late_load(run: LoopRun, load: LoadStep) -> tuple[str, ...]:
+    """Say that a record holds too little after the load's step to tell how the loop answers it; nothing where it holds enough.
+
+    Args:
+        run: with the load's step in it.
+        load: the step.
+    """
+    left = float(run.times[-1]) - load.at
+    if left >= LEAST_AFTER * load.at:
+        return ()
+    shown = f"only {left:.3g} s of the record follow" if left > 0.0 else "the record ends before"
+    return (f"{shown} the load's step at {load.at:g} s: the outcome says nothing of the answer to it; give a later stop time",)
 
 
 def bandwidth_fields(model: TransferFunction, law: AnyPid) -> Mapping[str, float]:

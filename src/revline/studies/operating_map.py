@@ -146,8 +146,15 @@ def _sentences(found: MapResult) -> Iterator[str]:
         yield (
             f"A schedule over speed and load keeps it everywhere: {schedule.worst:.3f} at the worst of {len(schedule.tried)} points tried "
             f"between its {schedule.schedule.first.size} x {schedule.schedule.second.size} nodes too, at {first:.0f} rad/s and "
-            f"{second:.3g} N m."
+            f"{second:.3g} N m.{lost_words(schedule)}"
         )
+
+
+def lost_words(schedule: ScheduleResult) -> str:
+    """What to say of points between the nodes that could not be tried; nothing where there are none."""
+    if not schedule.lost:
+        return ""
+    return f" {len(schedule.lost)} more could not be tried (the first: {schedule.lost[0].reason})."
 
 
 def box_words(box: BoxGains) -> str:

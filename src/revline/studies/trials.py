@@ -15,7 +15,6 @@ from revline.design.trials.acceptance import Battery, Requirements, accept
 from revline.design.trials.acceptance_summary import AcceptanceSummary, PlaceSummary, summarise_acceptance
 from revline.engine.lee1995 import lee1995_parameters
 from revline.engine.spread import spread_engine
-from revline.errors import RevlineError
 from revline.report.acceptance import plot_acceptance
 from revline.sampled import FixedRate
 from revline.studies.config import StudyConfig
@@ -86,7 +85,10 @@ def try_controllers(
         ("c2d", _sampled(engine, controllers.gains["c2d"]), here, AT_POINT)
     ]
     tasks += [("optimum", _of_optimum(engine, best, controllers.gains["c2d"]), here, AT_POINT) for best in optimum]
-    tasks += [(SCHEDULE, one, _map_places(plants, config), OVER_MAP) for one in _scheduled(engine, found, controllers.gains["c2d"])]
+    for one in _scheduled(engine, found, controllers.gains["c2d"]):
+        between, lost = map_places(plants, config)
+        tasks += [(SCHEDULE, one, between, OVER_MAP)] if between else []
+        missing += lost
     trials: list[Trial] = []
     for k, (name, controller, places, battery) in enumerate(tasks):
         progress(k / len(tasks))
@@ -125,20 +127,33 @@ def _scheduled(engine: DelaySystem, found: MapResult, like: PidGains) -> list[Sc
     return [ScheduledController(schedule=result.schedule, controller=law) for result in found.schedule]
 
 
-def _map_places(plants: Mapping[str, DelaySystem], config: StudyConfig) -> list[dict[str, float]]:
-    """Points between the lines of the map and at its end, at the smallest and the largest load, where every engine has a steady state."""
+def map_places(plants: Mapping[str, DelaySystem], config: StudyConfig) -> tuple[list[dict[str, float]], tuple[NotFound, ...]]:
+    """Choose points between the lines of the map and at its end, at the smallest and the largest load.
+
+    Args:
+        plants: all engines that are tried, by name.
+        config: with the lines of the map.
+
+    Returns:
+        Points at which every engine has a steady state, and those at which one has none, with the reason.
+    """
     angles, loads = config.map_throttle_deg, config.map_load_n_m
     chosen = (0.5 * (angles[0] + angles[1]), 0.5 * (angles[len(angles) // 2 - 1] + angles[len(angles) // 2]), angles[-1])
-    places = [{"throttle": angle, "load_torque": load} for load in (loads[0], loads[-1]) for angle in dict.fromkeys(chosen)]
-    return [place for place in places if all(_rests(plant, place) for plant in plants.values())]
+    places: list[dict[str, float]] = []
+    lost: tuple[NotFound, ...] = ()
+    for load in (loads[0], loads[-1]):
+        for angle in dict.fromkeys(chosen):
+            place = {"throttle": angle, "load_torque": load}
+            none = tuple(reason for name in plants for reason in _why_none(name, plants[name], place))
+            lost += none[:1]
+            places += [] if none else [place]
+    return places, lost
 
 
-def _rests(plant: DelaySystem, place: Mapping[str, float]) -> bool:
-    try:
-        find_trim(plant, inputs=dict(place))
-    except RevlineError:
-        return False
-    return True
+def _why_none(name: str, plant: DelaySystem, place: Mapping[str, float]) -> tuple[NotFound, ...]:
+    """Why an engine has no steady state at a point; nothing where it has one."""
+    what = f"{SCHEDULE} at {place['throttle']:g} deg, {place['load_torque']:g} N m, {name}"
+    return attempt(what, lambda: find_trim(plant, inputs=dict(place)))[1]
 
 
 def trials_fields(found: TrialsResult) -> dict[str, Any]:
