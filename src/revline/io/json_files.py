@@ -181,6 +181,11 @@ def format_json(record: Mapping[str, object]) -> str:
     return json.dumps(_plain(record, ""), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
+def format_compact_json(record: Mapping[str, object]) -> str:
+    """Format an object as JSON text on one line without blanks, for sending; raises as `format_json`."""
+    return json.dumps(_plain(record, ""), separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+
+
 def _plain(value: object, key: str) -> Json:
     """Turn a value into what `json` writes, or refuse it with the key at which it stands."""
     if isinstance(value, np.ndarray | np.generic):

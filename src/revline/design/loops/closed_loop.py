@@ -43,6 +43,7 @@ __all__ = (
     "LoopTask",
     "close_loop",
     "describe_outcome",
+    "record_loop",
     "run_linear_loop",
     "run_loop",
     "trace_linear_loop",
@@ -86,6 +87,30 @@ def run_loop(
     """
     controller = continuous_law(law)
     gains, limits = controller.gains, _narrower(controller, limits)
+    loop, record = record_loop(plant, point, law, task, wires=wires, limits=limits)
+    criteria = replace(task.criteria, bound=max(task.criteria.bound, abs(point.measurement / task.command)))
+    frame = LoopFrame(plant.name, gains, describe_form(controller), limits, start=point.measurement, rest=point.inputs[wires.drive])
+    run = judge_loop(frame, replace(task, criteria=criteria), record, loop)
+    at_limit = float(run.control[-1]) in limits
+    return run if gains.ki == 0.0 or at_limit else refuse_creep(run, run.target, task.criteria, spare=controller.dead_zone)
+
+
+def record_loop(
+    plant: DelaySystem,
+    point: OperatingPoint,
+    law: AnyPid,
+    task: LoopTask,
+    *,
+    wires: LoopSignals = SPEED_BY_THROTTLE,
+    limits: Limits = Limits(),  # noqa: B008 - an immutable tuple
+) -> tuple[DelaySystem, LoopRecord]:
+    """Close a loop and run it as `run_loop` does, without a judgement of how it ends: the loop, and what it did as far as it went.
+
+    Raises:
+        InvalidInputError, SimulationError: as for `run_loop`.
+    """
+    controller = continuous_law(law)
+    gains, limits = controller.gains, _narrower(controller, limits)
     loop = close_loop(plant, point, law, wires=wires, limits=limits)
     measured = index_of(plant.outputs, wires.measurement)
     inputs = {name: value for name, value in point.inputs.items() if name != wires.drive}
@@ -102,11 +127,7 @@ def run_loop(
             "give a point of rest, from find_trim() for example"
         )
         raise InvalidInputError(message, given=point.measurement, found=found)
-    criteria = replace(task.criteria, bound=max(task.criteria.bound, abs(point.measurement / task.command)))
-    frame = LoopFrame(plant.name, gains, describe_form(controller), limits, start=point.measurement, rest=point.inputs[wires.drive])
-    run = judge_loop(frame, replace(task, criteria=criteria), record, loop)
-    at_limit = float(run.control[-1]) in limits
-    return run if gains.ki == 0.0 or at_limit else refuse_creep(run, run.target, task.criteria, spare=controller.dead_zone)
+    return loop, record
 
 
 def _narrower(controller: PidController, limits: Limits) -> Limits:

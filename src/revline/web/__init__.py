@@ -1,0 +1,1 @@
+"""The workbench: the whole chain live in a browser, and over HTTP for programs."""

@@ -1,0 +1,102 @@
+"""Questions answered in a worker's process: bytes in, bytes out, so that nothing is decoded twice."""
+
+import json
+from collections.abc import Callable, Mapping
+from http import HTTPStatus
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple
+
+from revline.errors import InvalidInputError, RevlineError
+from revline.io.engine_files import format_engine
+from revline.io.json_files import format_compact_json
+from revline.web.parameters import changed_engine, list_parameters
+from revline.web.problems import problem_of
+from revline.web.state import parse_state
+from revline.web.study_file import format_study
+from revline.web.view.build import make_view
+
+LIVE: Final = ("point", "response", "models", "roots", "gains", "margins", "loop", "words")
+"""Parts that follow each move on a page."""
+
+
+class Answer(NamedTuple):
+    """What goes back to whoever asked: HTTP status, kind of content, and content."""
+
+    status: int
+    kind: str
+    body: bytes
+
+
+def answer_view(entries: Mapping[str, Any]) -> Answer:
+    """Answer with parts of a view."""
+    state = parse_state(entries.get("state", {}))
+    parts = entries.get("parts", LIVE)
+    return _as_json(make_view(state, list(parts)))
+
+
+def answer_study_file(entries: Mapping[str, Any]) -> Answer:
+    """Answer with the study file of a state."""
+    return Answer(HTTPStatus.OK, "application/toml", format_study(parse_state(entries.get("state", {}))).encode())
+
+
+def answer_engine_file(entries: Mapping[str, Any]) -> Answer:
+    """Answer with the engine file of a state."""
+    state = parse_state(entries.get("state", {}))
+    return Answer(HTTPStatus.OK, "application/toml", format_engine(changed_engine(state.engine, state.changed)).encode())
+
+
+def answer_parameters(entries: Mapping[str, Any]) -> Answer:
+    """Answer with an engine's parameters."""
+    return _as_json(list_parameters(str(entries.get("engine", "lee1995"))))
+
+
+QUESTIONS: Final[Mapping[str, Callable[[Mapping[str, Any]], Answer]]] = MappingProxyType(
+    {
+        "view": answer_view,
+        "study-file": answer_study_file,
+        "engine-file": answer_engine_file,
+        "parameters": answer_parameters,
+    }
+)
+"""What can be asked."""
+
+
+def answer(name: str, body: bytes) -> Answer:
+    """Answer a question; what the user can mend comes back as a problem, not as an error.
+
+    Args:
+        name: one of `QUESTIONS`.
+        body: JSON.
+    """
+    try:
+        return QUESTIONS[name](_parse(body))
+    except RevlineError as error:
+        control = error.details.get("control")
+        problem = problem_of(error, control=control if isinstance(control, str) else "")
+        return Answer(problem["status"], "application/problem+json", format_compact_json(problem).encode())
+
+
+def warm_up() -> bytes:
+    """Answer the view that a page begins with, so that all is compiled and imported."""
+    return answer("view", json.dumps({"parts": [*LIVE]}).encode()).body
+
+
+def _parse(body: bytes) -> Mapping[str, Any]:
+    try:
+        found = json.loads(body, parse_constant=_refuse)
+    except (ValueError, UnicodeDecodeError, RecursionError) as error:
+        message = f"the request is no JSON: {error}"
+        raise InvalidInputError(message) from error
+    if not isinstance(found, dict):
+        message = f"the request is a JSON {type(found).__name__}; send an object"
+        raise InvalidInputError(message)
+    return found
+
+
+def _refuse(name: str) -> float:
+    message = f"{name} is no JSON number; send finite numbers"
+    raise ValueError(message)
+
+
+def _as_json(record: Mapping[str, Any]) -> Answer:
+    return Answer(HTTPStatus.OK, "application/json", format_compact_json(record).encode())

@@ -1,0 +1,139 @@
+"""What the parts of a view share, found once and kept: engine, operating point, linear model, frequency response and fitted models.
+
+Each is a function of frozen values alone, so that the last ones asked for can be kept by the process that found them.
+"""
+
+from functools import lru_cache
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from revline.analysis.balance_attempts import PartialBalance, attempt_balance
+from revline.analysis.harmonic_balance import HarmonicBalance
+from revline.analysis.linearize import Linearization, linearize
+from revline.analysis.periodic import Excitation
+from revline.analysis.trim import Trim, find_trim
+from revline.design.controllers.controller import PidGains
+from revline.design.fitting.model_choice import MODEL_STRUCTURES, NamedFit, fit_structure
+from revline.design.loops.loop_run import Limits
+from revline.engine.lee1995 import lee1995_parameters
+from revline.errors import InvalidInputError, RevlineError, out_of_range
+from revline.studies.config import read_table_4_1
+from revline.system import DelaySystem
+from revline.web.parameters import changed_engine
+from revline.web.state import State
+
+Floats = NDArray[np.float64]
+
+KEPT: Final = 64
+"""So many operating points are kept at most."""
+
+MODELS: Final = ("g1", "g2", "g2d")
+"""The fitted models that a view shows. Source: Lee (1995), chapter 4."""
+
+
+class Place(NamedTuple):
+    """An engine and where it rests: at a throttle angle, or at a speed."""
+
+    engine: str
+    changed: tuple[tuple[str, float], ...]
+    throttle: float | None
+    speed: float | None
+    load: float
+
+
+class Point(NamedTuple):
+    """An engine at rest, with its exact linear model there."""
+
+    engine: DelaySystem
+    trim: Trim
+    linear: Linearization
+
+
+def place_of(state: State) -> Place:
+    """Take the operating point out of a state."""
+    return Place(state.engine, state.changed, state.throttle, state.speed_rad_s, state.load_n_m)
+
+
+@lru_cache(maxsize=KEPT)
+def find_point(place: Place) -> Point:
+    """Find the operating point.
+
+    Raises:
+        InvalidInputError: the engine or a parameter is wrong, or the values lie outside the engine's ranges.
+        NoTrimError: there is no steady state; `details` has the control that asked for it.
+    """
+    engine = changed_engine(place.engine, place.changed)
+    if place.speed is None:
+        trim = find_trim(engine, inputs={"throttle": float(place.throttle or 0.0), "load_torque": place.load})
+    else:
+        trim = find_trim(engine, inputs={"load_torque": place.load}, outputs={"engine_speed": place.speed}, free=("throttle",))
+    return Point(engine, trim, linearize(engine, trim))
+
+
+@lru_cache(maxsize=KEPT)
+def find_balance(place: Place, amplitude: float) -> HarmonicBalance | PartialBalance:
+    """Find the response by harmonic balance at the frequencies of Lee (1995), Table 4.1."""
+    point = find_point(place)
+    excitation = Excitation(input_name="throttle", output_name="engine_speed", amplitude=amplitude)
+    omega = np.array([row["frequency_rad_s"] for row in read_table_4_1()])
+    return attempt_balance(point.engine, point.trim, excitation, omega)
+
+
+@lru_cache(maxsize=KEPT)
+def fit_model(place: Place, amplitude: float, name: str) -> NamedFit:
+    """Fit a model to the response by harmonic balance, as far as that was found."""
+    found = find_balance(place, amplitude)
+    balance = found.finished if isinstance(found, PartialBalance) else found
+    structure = next(one for one in MODEL_STRUCTURES if one.name == name)
+    return fit_structure(balance.response(), structure)
+
+
+def gains_of(state: State) -> PidGains:
+    """Take the controller out of a state."""
+    return PidGains(
+        kp=state.kp, ki=state.ki, kd=state.kd, input_unit="rad/s", output_unit="deg", rule="by hand", designed_on="the workbench"
+    )
+
+
+def limits_of(state: State, engine: DelaySystem) -> Limits:
+    """Limits of the throttle: those asked for, else 0 and where it saturates.
+
+    Raises:
+        InvalidInputError: the lower one is not below the upper one.
+    """
+    saturation = lee1995_parameters(engine).throttle.saturation_angle
+    low = 0.0 if state.low_deg is None else state.low_deg
+    high = saturation if state.high_deg is None else state.high_deg
+    if not low < high:
+        message = f"low_deg = {low:g} deg is not below high_deg = {high:g} deg; give limits with room between them"
+        raise InvalidInputError(message, control="low_deg", low=low, high=high)
+    return Limits(low, high)
+
+
+def control_of(error: RevlineError, state: State) -> str:
+    """Name the key of a state that an error is about, as far as that can be told; the operating point's where it has no steady state."""
+    named = error.details.get("control")
+    if isinstance(named, str):
+        return named
+    point = "throttle_deg" if state.speed_rad_s is None else "speed_rad_s"
+    return {
+        "NoTrimError": point,
+        "StalledError": "command_rad_s",
+    }.get(type(error).__name__, "")
+
+
+def check_amplitude(state: State, point: Point) -> None:
+    """Refuse a sinusoid that would leave the throttle's range.
+
+    Raises:
+        InvalidInputError: it would.
+    """
+    angle = point.trim.input("throttle")
+    room = min(angle, 90.0 - angle)
+    if state.amplitude_deg > room:
+        error = out_of_range(
+            "amplitude_deg", state.amplitude_deg, "deg", f"0 to {room:.4g} deg, the room about {angle:.4g} deg", "give less"
+        )
+        raise InvalidInputError(str(error), **{**error.details, "control": "amplitude_deg"})

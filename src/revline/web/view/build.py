@@ -1,0 +1,71 @@
+"""A whole view: the parts asked for, each found apart, so that one that fails leaves the others whole."""
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any, Final
+
+from revline.errors import InvalidInputError, RevlineError, suggestion
+from revline.web.plants import control_of
+from revline.web.problems import problem_of
+from revline.web.state import State
+from revline.web.view.gains import view_contours, view_gains, view_margins, view_roots
+from revline.web.view.loops import view_cycle, view_loop
+from revline.web.view.responses import view_models, view_peaks, view_response
+from revline.web.view.rest import view_map, view_point
+from revline.web.view.words import view_words
+
+PARTS: Final[Mapping[str, Callable[[State], Mapping[str, Any]]]] = MappingProxyType(
+    {
+        "point": view_point,
+        "response": view_response,
+        "models": view_models,
+        "roots": view_roots,
+        "gains": view_gains,
+        "margins": view_margins,
+        "loop": view_loop,
+        "map": view_map,
+        "contours": view_contours,
+        "peaks": view_peaks,
+        "cycle": view_cycle,
+    }
+)
+"""What a view is made of, the quick parts first; `words` is made of some of them."""
+
+WORDS: Final = "words"
+OF_WORDS: Final = ("point", "margins", "loop")
+
+
+def make_view(state: State, parts: Sequence[str]) -> Mapping[str, Any]:
+    """Find parts of a view.
+
+    Args:
+        state: what is shown.
+        parts: their names.
+
+    Returns:
+        Each part by name, or `{"problem": ...}` in its place, and how long all took.
+
+    Raises:
+        InvalidInputError: there is no part of a name.
+    """
+    began = time.perf_counter()
+    for name in parts:
+        if name not in PARTS and name != WORDS:
+            known = (*PARTS, WORDS)
+            message = f"a view has no part {name!r}{suggestion(name, known)}; it has {', '.join(known)}"
+            raise InvalidInputError(message, control="parts")
+    wanted = dict.fromkeys(name for name in parts if name != WORDS)
+    found = {name: find_part(name, state) for name in wanted}
+    if WORDS in parts:
+        point, margins, loop = (found[name] if name in found else find_part(name, state) for name in OF_WORDS)
+        found[WORDS] = view_words(point, margins, loop)
+    return {"parts": found, "seconds": time.perf_counter() - began}
+
+
+def find_part(name: str, state: State) -> Mapping[str, Any]:
+    """Find one part, or the problem in its place."""
+    try:
+        return PARTS[name](state)
+    except RevlineError as error:
+        return {"problem": problem_of(error, control=control_of(error, state))}

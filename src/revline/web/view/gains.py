@@ -1,0 +1,134 @@
+"""Gains that stabilise, margins and characteristic roots, for a view."""
+
+import math
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any, Final
+
+import numpy as np
+
+from revline.design.controllers.controller import PidGains
+from revline.design.regions.gain_region import GainRegion, find_gain_region
+from revline.design.regions.loop_family import family_of_system
+from revline.design.regions.sensitivity_contour import find_sensitivity_contour
+from revline.design.stability.linear_loop import closed_loop_transfer
+from revline.design.stability.margins import Margins, find_margins
+from revline.design.stability.open_loop import open_loop_of_model, open_loop_of_system
+from revline.errors import RevlineError
+from revline.io.margin_records import margin_record
+from revline.lti.transfer_function import TransferFunction
+from revline.web.plants import MODELS, Place, find_point, fit_model, gains_of, place_of
+from revline.web.state import State
+from revline.web.view.drawing import drawn
+
+CONTOURS: Final = (1.4, 2.0, 3.0)
+"""Peak sensitivities whose contours are drawn."""
+
+COLUMNS, ROWS = 90, 60
+"""Gains in each direction at which the shaded area is counted; its edge is the exact boundary."""
+
+
+def view_gains(state: State) -> Mapping[str, Any]:
+    """Give the (kp, ki) that stabilise the exact loop at the state's kd: the boundary for drawing, and where the state's gains lie."""
+    region = _region(place_of(state), state.kd)
+    window = region.window
+    kp = np.linspace(window.kp_low, window.kp_high, COLUMNS)
+    ki = np.linspace(0.0, window.ki_high, ROWS)
+    stable = region.stabilises(kp[None, :], ki[:, None])
+    return {
+        "kd": state.kd,
+        "window": {"kp_low": window.kp_low, "kp_high": window.kp_high, "ki_high": window.ki_high},
+        "bounded": region.bounded,
+        "boundary": _pieces(region),
+        "shade": ["".join("1" if cell else "0" for cell in row) for row in stable],
+        "kp_intervals_without_integral": [list(ends) for ends in region.kp_ends()],
+        "area": {"value": region.area.value, "error": region.area.error},
+    }
+
+
+def _pieces(region: GainRegion) -> list[dict[str, Any]]:
+    """The stretches of the curve that bound the region, for drawing."""
+    at = np.flatnonzero(region.rim)
+    cuts = np.flatnonzero(np.diff(at) > 1) + 1
+    return [{"kp": drawn(region.kp[piece]), "ki": drawn(region.ki[piece])} for piece in np.split(at, cuts) if piece.size]
+
+
+def view_contours(state: State) -> Mapping[str, Any]:
+    """Give curves of equal peak sensitivity in the window of the region."""
+    region = _region(place_of(state), state.kd)
+    found: list[dict[str, Any]] = []
+    for peak in CONTOURS:
+        try:
+            contour = find_sensitivity_contour(region, peak)
+        except RevlineError as error:
+            found.append({"ms": peak, "none": str(error)})
+            continue
+        cuts = np.flatnonzero(np.diff(contour.piece) != 0) + 1
+        pieces = [{"kp": drawn(p), "ki": drawn(i)} for p, i in zip(np.split(contour.kp, cuts), np.split(contour.ki, cuts), strict=True)]
+        found.append({"ms": peak, "pieces": pieces, "largest_deviation": contour.deviation})
+    return {"contours": found}
+
+
+def view_margins(state: State) -> Mapping[str, Any]:
+    """Give the margins of the exact loop as `revline margins --json` does, and those that each model promises."""
+    place, gains = place_of(state), gains_of(state)
+    found = _exact_margins(place, gains.kp, gains.ki, gains.kd)
+    models = {}
+    for name in MODELS:
+        try:
+            model = fit_model(place, state.amplitude_deg, name).fit.model
+            models[name] = _promise(find_margins(open_loop_of_model(model, gains, name=name)))
+        except RevlineError as error:
+            models[name] = {"problem": str(error)}
+    return {**margin_record(found, gains), "models": models}
+
+
+def view_roots(state: State) -> Mapping[str, Any]:
+    """Give the poles of the models and the characteristic roots of the exact plant and loop."""
+    place, gains = place_of(state), gains_of(state)
+    point = find_point(place)
+    models: dict[str, Any] = {}
+    for name in MODELS:
+        try:
+            model = fit_model(place, state.amplitude_deg, name).fit.model
+        except RevlineError:
+            continue
+        models[name] = {"poles": _pairs(model.poles), **_closed(model, gains)}
+    return {"plant": _pairs(point.trim.roots.roots), "models": models}
+
+
+def _closed(model: TransferFunction, gains: PidGains) -> dict[str, Any]:
+    """Poles of the loop with a model without delay; a loop with delay has no end of them."""
+    if model.delay > 0.0:
+        return {}
+    return {"closed": _pairs(closed_loop_transfer(model, gains).poles)}
+
+
+def _pairs(roots: Any) -> list[list[float]]:
+    return [[float(root.real), float(root.imag)] for root in np.asarray(roots)]
+
+
+@lru_cache(maxsize=64)
+def _region(place: Place, kd: float) -> GainRegion:
+    point = find_point(place)
+    return find_gain_region(family_of_system(point.linear.model, kd=kd, name=point.engine.name))
+
+
+@lru_cache(maxsize=64)
+def _exact_margins(place: Place, kp: float, ki: float, kd: float) -> Margins:
+    point = find_point(place)
+    gains = PidGains(kp=kp, ki=ki, kd=kd, input_unit="rad/s", output_unit="deg", rule="by hand", designed_on="the workbench")
+    name = f"{point.engine.name} at {point.trim.input('throttle'):g} deg, {place.load:g} N m"
+    return find_margins(open_loop_of_system(point.linear.model, gains, name=name))
+
+
+def _promise(found: Margins) -> dict[str, Any]:
+    record: dict[str, Any] = {"stable": found.stable, "ms": found.sensitivity.value}
+    if found.gain_rise is not None:
+        record["gain_margin"] = found.gain_rise.gain_margin
+        record["gain_margin_db"] = found.gain_rise.gain_margin_db
+    if found.phase is not None:
+        record["phase_margin_deg"] = found.phase.phase_margin_deg
+    if found.delay is not None and math.isfinite(found.delay.delay_margin):
+        record["delay_margin_s"] = found.delay.delay_margin
+    return record

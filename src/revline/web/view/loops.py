@@ -1,0 +1,180 @@
+"""Answers in time for a view: the nonlinear engine and its linear models after a step of command, load or throttle."""
+
+import math
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from revline import signals
+from revline.design.controllers.controller import PidGains
+from revline.design.loops.closed_loop import Limits, LoopTask, record_loop, trace_linear_loop
+from revline.design.loops.hunting import UnrefinedCycle, refine_cycle, run_to_its_end
+from revline.design.loops.loop_run import LoopRun
+from revline.design.loops.outcome import LimitCycle
+from revline.design.loops.step_measures import measure_overshoot
+from revline.design.plants.loop_signals import operating_point
+from revline.design.stability.loop_stability import StableLoop, judge_loop_stability
+from revline.errors import InvalidInputError, NotSettledError, RevlineError
+from revline.io.cycle_records import orbit_record, run_record, unrefined_record
+from revline.io.loop_records import loop_record
+from revline.studies.steps import throttle_run
+from revline.web.plants import MODELS, Place, find_point, fit_model, gains_of, limits_of, place_of
+from revline.web.state import State
+from revline.web.view.drawing import drawn, thin
+
+Floats = NDArray[np.float64]
+
+STEP: Final = 1e-3
+"""Step in s of the engine's simulation where its lags allow it."""
+
+POINTS: Final = 500
+"""So many points of a model's answer are computed."""
+
+BEYOND: Final = 20.0
+"""An unstable model's answer is drawn until it is this many times the step away."""
+
+
+def view_loop(state: State) -> Mapping[str, Any]:
+    """Give the answers to the step that the state names."""
+    if state.step == "throttle":
+        return _open_loop(state)
+    return _load_step(state) if state.step == "load" else _command_step(state)
+
+
+def view_cycle(state: State) -> Mapping[str, Any]:
+    """Give the limit cycle that the loop hunts in after a step of its command, as `revline limit-cycle --json` does."""
+    run = _run(*_asked(state))
+    record = dict(run_record(run))
+    if not isinstance(run.outcome, LimitCycle):
+        return record
+    point = find_point(place_of(state))
+    found = refine_cycle(point.engine, operating_point(point.trim), run)
+    return {**record, **(unrefined_record(found) if isinstance(found, UnrefinedCycle) else orbit_record(found))}
+
+
+def _command_step(state: State) -> Mapping[str, Any]:
+    if state.command_rad_s == 0.0:
+        message = "command_rad_s = 0 rad/s moves nothing; give a size other than 0"
+        raise InvalidInputError(message, control="command_rad_s")
+    return {"engine": _engine_answer(state), **_models(lambda name: _model_answer(state, name))}
+
+
+def _engine_answer(state: State) -> Mapping[str, Any]:
+    place, gains, limits, command, until = _asked(state)
+    try:
+        run = _run(place, gains, limits, command, until)
+    except NotSettledError as error:
+        point = find_point(place)
+        task = LoopTask(command=command, until=until, step=STEP)
+        _, record = record_loop(point.engine, operating_point(point.trim), _gains(gains), task, limits=limits)
+        trace = record.trace
+        return {"undecided": str(error), **_trace(trace.times, trace.output, trace.control)}
+    shown = run.first_part(until) if run.times[-1] > until else run
+    return {**loop_record(run), **_trace(shown.times, shown.output, shown.control), "limits_deg": list(run.limits)}
+
+
+def _asked(state: State) -> tuple[Place, tuple[float, float, float], Limits, float, float]:
+    place = place_of(state)
+    limits = limits_of(state, find_point(place).engine)
+    return place, (state.kp, state.ki, state.kd), limits, state.command_rad_s, state.until_s
+
+
+def _gains(values: tuple[float, float, float]) -> PidGains:
+    kp, ki, kd = values
+    return PidGains(kp=kp, ki=ki, kd=kd, input_unit="rad/s", output_unit="deg", rule="by hand", designed_on="the workbench")
+
+
+@lru_cache(maxsize=32)
+def _run(place: Place, gains: tuple[float, float, float], limits: Limits, command: float, until: float) -> LoopRun:
+    point = find_point(place)
+    step = min(STEP, 0.5 * float(min(point.trim.lags, default=math.inf)))
+    task = LoopTask(command=command, until=until, step=step)
+    return run_to_its_end(point.engine, operating_point(point.trim), _gains(gains), task, limits=limits)
+
+
+def _model_answer(state: State, name: str) -> Mapping[str, Any]:
+    place, gains = place_of(state), gains_of(state)
+    model = fit_model(place, state.amplitude_deg, name).fit.model
+    point = find_point(place)
+    start, rest = point.trim.output("engine_speed"), point.trim.input("throttle")
+    trace = trace_linear_loop(model, gains, LoopTask(command=state.command_rad_s, until=state.until_s, step=state.until_s / POINTS))
+    far = np.flatnonzero(np.abs(trace.output) > BEYOND * abs(state.command_rad_s))
+    if far.size:
+        trace = trace.first(max(int(far[0]), 2))
+    stable = isinstance(judge_loop_stability(model, gains), StableLoop)
+    record: dict[str, Any] = {"stable": stable}
+    if stable:
+        command = state.command_rad_s
+        record["overshoot"] = measure_overshoot(trace.times, trace.output, start=0.0, target=command, command=command)
+    return {**record, **_trace(trace.times, start + trace.output, rest + trace.control)}
+
+
+def _load_step(state: State) -> Mapping[str, Any]:
+    """The engine's loop after a step of the load alone; models of the throttle's influence know no load."""
+    if state.load_step_n_m == 0.0:
+        message = "load_step_n_m = 0 N m moves nothing; give a size other than 0"
+        raise InvalidInputError(message, control="load_step_n_m")
+    point, gains = find_point(place_of(state)), gains_of(state)
+    limits = limits_of(state, point.engine)
+    start = point.trim.output("engine_speed")
+    loads = (("load_torque", signals.step(state.load_step_n_m)),)
+    task = LoopTask(command=TINY, until=state.until_s, step=STEP, loads=loads)
+    _, record = record_loop(point.engine, operating_point(point.trim), gains, task, limits=limits)
+    trace, failure = record
+    error = trace.output - start
+    worst = int(np.argmax(np.abs(error)))
+    found: dict[str, Any] = {
+        "start_rad_s": start,
+        "droop_rad_s": float(abs(error[worst])),
+        "droop_at_s": float(trace.times[worst]),
+        "end_error_rad_s": float(error[-1]),
+        "iae_rad": float(np.trapezoid(np.abs(error), trace.times)),
+        "limits_deg": list(limits),
+    }
+    if failure is not None:
+        found["ended"] = str(failure)
+    return {"engine": {**found, **_trace(trace.times, trace.output, trace.control)}}
+
+
+TINY: Final = 1e-12
+"""Step of the command in rad/s where the load steps alone: far below what is shown."""
+
+
+def _open_loop(state: State) -> Mapping[str, Any]:
+    """Engine and models after a step of the throttle, without a controller."""
+    size = state.throttle_step_deg
+    point = find_point(place_of(state))
+    angle, start = point.trim.input("throttle"), point.trim.output("engine_speed")
+    if size == 0.0 or not 0.0 <= angle + size <= 90.0:
+        message = (
+            f"throttle_step_deg = {size:g} deg leads from {angle:.4g} deg to {angle + size:.4g} deg; give a step other than 0 that stays "
+            "within 0 to 90 deg"
+        )
+        raise InvalidInputError(message, control="throttle_step_deg")
+    run = throttle_run(point.engine, point.trim, signals.step(size), state.until_s)
+    times = np.linspace(0.0, state.until_s, POINTS)
+
+    def answer(name: str) -> Mapping[str, Any]:
+        model = fit_model(place_of(state), state.amplitude_deg, name).fit.model
+        return _trace(times, start + size * model.step_response(times), np.full(times.size, angle + size))
+
+    engine = {"start_rad_s": start, **_trace(run.times, run.output("engine_speed"), run.input("throttle"))}
+    return {"engine": engine, **_models(answer)}
+
+
+def _models(answer: Callable[[str], Mapping[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name in MODELS:
+        try:
+            found[name] = answer(name)
+        except RevlineError as error:
+            found[name] = {"problem": str(error)}
+    return found
+
+
+def _trace(times: Floats, speed: Floats, throttle: Floats) -> dict[str, Any]:
+    kept = thin(times, speed, throttle)
+    return dict(zip(("time_s", "speed_rad_s", "throttle_deg"), map(drawn, kept), strict=True))
