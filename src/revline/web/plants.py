@@ -15,7 +15,8 @@ from revline.analysis.linearize import Linearization, linearize
 from revline.analysis.periodic import Excitation
 from revline.analysis.trim import Trim, find_trim
 from revline.design.controllers.controller import PidGains
-from revline.design.fitting.model_choice import MODEL_STRUCTURES, NamedFit, fit_structure
+from revline.design.fitting.fit import add_phase_line
+from revline.design.fitting.model_choice import MODEL_STRUCTURES, ModelStructure, NamedFit, fit_structure
 from revline.design.loops.loop_run import Limits
 from revline.engine.lee1995 import lee1995_parameters
 from revline.errors import InvalidInputError, RevlineError, out_of_range
@@ -84,10 +85,16 @@ def find_balance(place: Place, amplitude: float) -> HarmonicBalance | PartialBal
 @lru_cache(maxsize=KEPT)
 def fit_model(place: Place, amplitude: float, name: str) -> NamedFit:
     """Fit a model to the response by harmonic balance, as far as that was found."""
+    if name == "g2d":  # the second-order model's optimum, with its phase line
+        plain = fit_model(place, amplitude, "g2")
+        return NamedFit(structure=_structure(name), fit=add_phase_line(plain.fit))
     found = find_balance(place, amplitude)
     balance = found.finished if isinstance(found, PartialBalance) else found
-    structure = next(one for one in MODEL_STRUCTURES if one.name == name)
-    return fit_structure(balance.response(), structure)
+    return fit_structure(balance.response(), _structure(name))
+
+
+def _structure(name: str) -> ModelStructure:
+    return next(one for one in MODEL_STRUCTURES if one.name == name)
 
 
 def gains_of(state: State) -> PidGains:

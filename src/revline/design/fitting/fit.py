@@ -1,6 +1,6 @@
 """Fit transfer functions with delay to frequency responses by output error."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -199,15 +199,33 @@ def fit_transfer_function(
         message = f"no model of {zeros} zeros and {poles} poles is better than zero; fit more poles"
         raise AnalysisError(message)
     line = fit_phase_line(response, model.with_delay(0.0))
-    if rule is DelayRule.PHASE_LINE:
-        if line.delay < 0.0:
-            message = (
-                f"the phase line rises by {line.slope:.4g} s: the data lead the model of {zeros} zeros and {poles} poles, which no delay"
-                " explains; fit without delay, or with more zeros"
-            )
-            raise AnalysisError(message, slope=line.slope)
-        model = model.with_delay(line.delay)
-    return ModelFit(model=model, data=response, delay_rule=rule, weight=weight, optimum=optimum, phase_line=line)
+    shown = DelayRule.NONE if rule is DelayRule.PHASE_LINE else rule
+    fit = ModelFit(model=model, data=response, delay_rule=shown, weight=weight, optimum=optimum, phase_line=line)
+    return add_phase_line(fit) if rule is DelayRule.PHASE_LINE else fit
+
+
+def add_phase_line(fit: ModelFit) -> ModelFit:
+    """Give a model that was fitted without delay the delay of its phase line, as `fit_transfer_function` does under that rule.
+
+    Args:
+        fit: without delay.
+
+    Raises:
+        InvalidInputError: the fit has a delay already, or the data are too few for one parameter more.
+        AnalysisError: the line gives a negative delay.
+    """
+    if fit.delay_rule is not DelayRule.NONE:
+        message = f"the fit has its delay already, by the rule {fit.delay_rule.value}; give one without delay"
+        raise InvalidInputError(message)
+    zeros, poles, line = len(fit.model.numerator) - 1, len(fit.model.denominator) - 1, fit.phase_line
+    _check_data(fit.data, zeros + 1 + poles + 1)
+    if line.delay < 0.0:
+        message = (
+            f"the phase line rises by {line.slope:.4g} s: the data lead the model of {zeros} zeros and {poles} poles, which no delay"
+            " explains; fit without delay, or with more zeros"
+        )
+        raise AnalysisError(message, slope=line.slope)
+    return replace(fit, model=fit.model.with_delay(line.delay), delay_rule=DelayRule.PHASE_LINE)
 
 
 def fit_phase_line(response: FrequencyResponse, model: TransferFunction) -> PhaseLine:

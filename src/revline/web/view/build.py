@@ -9,8 +9,8 @@ from revline.errors import InvalidInputError, RevlineError, suggestion
 from revline.web.plants import control_of
 from revline.web.problems import problem_of
 from revline.web.state import State
-from revline.web.view.gains import view_contours, view_gains, view_margins, view_roots
-from revline.web.view.loops import view_cycle, view_loop
+from revline.web.view.gains import view_contours, view_gains, view_margins, view_promises, view_roots
+from revline.web.view.loops import view_answers, view_cycle, view_loop
 from revline.web.view.responses import view_models, view_peaks, view_response
 from revline.web.view.rest import view_map, view_point
 from revline.web.view.words import view_words
@@ -23,7 +23,9 @@ PARTS: Final[Mapping[str, Callable[[State], Mapping[str, Any]]]] = MappingProxyT
         "roots": view_roots,
         "gains": view_gains,
         "margins": view_margins,
+        "promises": view_promises,
         "loop": view_loop,
+        "answers": view_answers,
         "map": view_map,
         "contours": view_contours,
         "peaks": view_peaks,
@@ -33,7 +35,10 @@ PARTS: Final[Mapping[str, Callable[[State], Mapping[str, Any]]]] = MappingProxyT
 """What a view is made of, the quick parts first; `words` is made of some of them."""
 
 WORDS: Final = "words"
-OF_WORDS: Final = ("point", "margins", "loop")
+OF_WORDS: Final = ("point", "margins", "promises", "loop")
+
+GROUPS: Final = (("response", "models", "roots", "promises", "answers"), ("point", "gains", "margins", "loop"))
+"""Live parts that share most of what they need, one group for each of two processes; `words` is made of both."""
 
 
 def make_view(state: State, parts: Sequence[str]) -> Mapping[str, Any]:
@@ -58,8 +63,7 @@ def make_view(state: State, parts: Sequence[str]) -> Mapping[str, Any]:
     wanted = dict.fromkeys(name for name in parts if name != WORDS)
     found = {name: find_part(name, state) for name in wanted}
     if WORDS in parts:
-        point, margins, loop = (found[name] if name in found else find_part(name, state) for name in OF_WORDS)
-        found[WORDS] = view_words(point, margins, loop)
+        found[WORDS] = view_words(*(found[name] if name in found else find_part(name, state) for name in OF_WORDS))
     return {"parts": found, "seconds": time.perf_counter() - began}
 
 

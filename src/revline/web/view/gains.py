@@ -70,17 +70,22 @@ def view_contours(state: State) -> Mapping[str, Any]:
 
 
 def view_margins(state: State) -> Mapping[str, Any]:
-    """Give the margins of the exact loop as `revline margins --json` does, and those that each model promises."""
+    """Give the margins of the exact loop as `revline margins --json` does."""
+    gains = gains_of(state)
+    return margin_record(_exact_margins(place_of(state), gains.kp, gains.ki, gains.kd), gains)
+
+
+def view_promises(state: State) -> Mapping[str, Any]:
+    """Give the margins that each fitted model promises."""
     place, gains = place_of(state), gains_of(state)
-    found = _exact_margins(place, gains.kp, gains.ki, gains.kd)
-    models = {}
+    models: dict[str, Any] = {}
     for name in MODELS:
         try:
             model = fit_model(place, state.amplitude_deg, name).fit.model
             models[name] = _promise(find_margins(open_loop_of_model(model, gains, name=name)))
         except RevlineError as error:
             models[name] = {"problem": str(error)}
-    return {**margin_record(found, gains), "models": models}
+    return models
 
 
 def view_roots(state: State) -> Mapping[str, Any]:

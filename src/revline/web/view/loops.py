@@ -1,7 +1,7 @@
 """Answers in time for a view: the nonlinear engine and its linear models after a step of command, load or throttle."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any, Final
 
@@ -38,10 +38,31 @@ BEYOND: Final = 20.0
 
 
 def view_loop(state: State) -> Mapping[str, Any]:
-    """Give the answers to the step that the state names."""
+    """Give the engine's answer to the step that the state names."""
     if state.step == "throttle":
-        return _open_loop(state)
-    return _load_step(state) if state.step == "load" else _command_step(state)
+        return _throttle_answer(state)
+    if state.step == "load":
+        return _load_answer(state)
+    _check_command(state)
+    return _engine_answer(state)
+
+
+def view_answers(state: State) -> Mapping[str, Any]:
+    """Give the fitted models' answers to the step; of a load they know nothing."""
+    if state.step == "load":
+        return {}
+    if state.step == "throttle":
+        _check_throttle_step(state)
+    else:
+        _check_command(state)
+    answer = _model_to_throttle if state.step == "throttle" else _model_answer
+    found: dict[str, Any] = {}
+    for name in MODELS:
+        try:
+            found[name] = answer(state, name)
+        except RevlineError as error:
+            found[name] = {"problem": str(error)}
+    return found
 
 
 def view_cycle(state: State) -> Mapping[str, Any]:
@@ -55,11 +76,10 @@ def view_cycle(state: State) -> Mapping[str, Any]:
     return {**record, **(unrefined_record(found) if isinstance(found, UnrefinedCycle) else orbit_record(found))}
 
 
-def _command_step(state: State) -> Mapping[str, Any]:
+def _check_command(state: State) -> None:
     if state.command_rad_s == 0.0:
         message = "command_rad_s = 0 rad/s moves nothing; give a size other than 0"
         raise InvalidInputError(message, control="command_rad_s")
-    return {"engine": _engine_answer(state), **_models(lambda name: _model_answer(state, name))}
 
 
 def _engine_answer(state: State) -> Mapping[str, Any]:
@@ -112,7 +132,7 @@ def _model_answer(state: State, name: str) -> Mapping[str, Any]:
     return {**record, **_trace(trace.times, start + trace.output, rest + trace.control)}
 
 
-def _load_step(state: State) -> Mapping[str, Any]:
+def _load_answer(state: State) -> Mapping[str, Any]:
     """The engine's loop after a step of the load alone; models of the throttle's influence know no load."""
     if state.load_step_n_m == 0.0:
         message = "load_step_n_m = 0 N m moves nothing; give a size other than 0"
@@ -136,43 +156,39 @@ def _load_step(state: State) -> Mapping[str, Any]:
     }
     if failure is not None:
         found["ended"] = str(failure)
-    return {"engine": {**found, **_trace(trace.times, trace.output, trace.control)}}
+    return {**found, **_trace(trace.times, trace.output, trace.control)}
 
 
 TINY: Final = 1e-12
 """Step of the command in rad/s where the load steps alone: far below what is shown."""
 
 
-def _open_loop(state: State) -> Mapping[str, Any]:
-    """Engine and models after a step of the throttle, without a controller."""
+def _check_throttle_step(state: State) -> None:
     size = state.throttle_step_deg
-    point = find_point(place_of(state))
-    angle, start = point.trim.input("throttle"), point.trim.output("engine_speed")
+    angle = find_point(place_of(state)).trim.input("throttle")
     if size == 0.0 or not 0.0 <= angle + size <= 90.0:
         message = (
             f"throttle_step_deg = {size:g} deg leads from {angle:.4g} deg to {angle + size:.4g} deg; give a step other than 0 that stays "
             "within 0 to 90 deg"
         )
         raise InvalidInputError(message, control="throttle_step_deg")
-    run = throttle_run(point.engine, point.trim, signals.step(size), state.until_s)
+
+
+def _throttle_answer(state: State) -> Mapping[str, Any]:
+    """The engine after a step of its throttle, without a controller."""
+    _check_throttle_step(state)
+    point = find_point(place_of(state))
+    run = throttle_run(point.engine, point.trim, signals.step(state.throttle_step_deg), state.until_s)
+    start = point.trim.output("engine_speed")
+    return {"start_rad_s": start, **_trace(run.times, run.output("engine_speed"), run.input("throttle"))}
+
+
+def _model_to_throttle(state: State, name: str) -> Mapping[str, Any]:
+    point, size = find_point(place_of(state)), state.throttle_step_deg
+    model = fit_model(place_of(state), state.amplitude_deg, name).fit.model
     times = np.linspace(0.0, state.until_s, POINTS)
-
-    def answer(name: str) -> Mapping[str, Any]:
-        model = fit_model(place_of(state), state.amplitude_deg, name).fit.model
-        return _trace(times, start + size * model.step_response(times), np.full(times.size, angle + size))
-
-    engine = {"start_rad_s": start, **_trace(run.times, run.output("engine_speed"), run.input("throttle"))}
-    return {"engine": engine, **_models(answer)}
-
-
-def _models(answer: Callable[[str], Mapping[str, Any]]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for name in MODELS:
-        try:
-            found[name] = answer(name)
-        except RevlineError as error:
-            found[name] = {"problem": str(error)}
-    return found
+    angle, start = point.trim.input("throttle"), point.trim.output("engine_speed")
+    return _trace(times, start + size * model.step_response(times), np.full(times.size, angle + size))
 
 
 def _trace(times: Floats, speed: Floats, throttle: Floats) -> dict[str, Any]:

@@ -9,21 +9,22 @@ NAMES: Final = {"g1": "the first-order model", "g2": "the second-order model wit
 Record = Mapping[str, Any]
 
 
-def view_words(point: Record, margins: Record, loop: Record) -> Mapping[str, Any]:
+def view_words(point: Record, margins: Record, promises: Record, loop: Record) -> Mapping[str, Any]:
     """Say what is true here: one line, and further ones.
 
     Args:
         point: the operating point's part of the view, or its problem.
-        margins: the margins' part.
-        loop: the answers in time.
+        margins: those of the exact loop.
+        promises: those of the models.
+        loop: the engine's answer in time.
     """
     if "problem" in point:
         return {"verdict": f"no operating point: {point['problem']['detail']}", "lines": []}
-    lines = [*_point_lines(point), *_model_lines(margins), *_engine_lines(margins, loop)]
-    return {"verdict": verdict(point, margins, loop), "lines": lines}
+    lines = [*_point_lines(point), *_model_lines(promises), *_engine_lines(margins, loop)]
+    return {"verdict": verdict(point, margins, promises, loop), "lines": lines}
 
 
-def verdict(point: Record, margins: Record, loop: Record) -> str:
+def verdict(point: Record, margins: Record, promises: Record, loop: Record) -> str:
     """Say in one line how the loop is: by its exact linear model, on the engine, and what the models without delay would have said."""
     if "problem" in margins:
         return f"nothing can be said of the loop: {margins['problem']['detail']}"
@@ -31,7 +32,7 @@ def verdict(point: Record, margins: Record, loop: Record) -> str:
     seen = _seen(loop, stable=bool(margins["stable"]))
     if seen:
         parts.append(seen)
-    fooled = _fooled(margins)
+    fooled = _fooled(margins, promises)
     if fooled:
         parts.append(fooled)
     if not point["stable"]:
@@ -53,16 +54,15 @@ def _seen(loop: Record, *, stable: bool) -> str:
     """What the engine itself does, where that is more than the linear loop says."""
     if "problem" in loop:
         return f"the engine was not run: {loop['problem']['detail']}"
-    engine = loop["engine"]
-    if "undecided" in engine:
+    if "undecided" in loop:
         return "on the engine the time run does not tell how it ends"
-    outcome = engine.get("outcome")
+    outcome = loop.get("outcome")
     if outcome == "limit-cycle":
-        cycle = engine["limit_cycle"]
+        cycle = loop["limit_cycle"]
         return f"the engine hunts between {cycle['low_rad_s']:.1f} and {cycle['high_rad_s']:.1f} rad/s, every {cycle['period_s']:.3f} s"
     if outcome in {"stalled", "diverged"}:
-        return f"on the engine: {engine['summary']}"
-    return _rest(engine, stable=stable) if outcome == "settled" else ""
+        return f"on the engine: {loop['summary']}"
+    return _rest(loop, stable=stable) if outcome == "settled" else ""
 
 
 def _rest(engine: Record, *, stable: bool) -> str:
@@ -73,9 +73,9 @@ def _rest(engine: Record, *, stable: bool) -> str:
     return f"the engine rests {off:.3g} rad/s off its target" if off > 0.02 * abs(engine["command_rad_s"]) else ""
 
 
-def _fooled(margins: Record) -> str:
+def _fooled(margins: Record, promises: Record) -> str:
     """What the models without delay would have told."""
-    models = {name: margins["models"].get(name, {}) for name in ("g1", "g2")}
+    models = {name: promises.get(name, {}) for name in ("g1", "g2")}
     known = {name: found for name, found in models.items() if "stable" in found}
     if not margins["stable"]:
         wrong = [NAMES[name] for name, found in known.items() if found["stable"]]
@@ -96,8 +96,10 @@ def _point_lines(point: Record) -> Iterator[str]:
         yield f"The engine alone is unstable there ({point['unstable_roots']} roots right of the imaginary axis)."
 
 
-def _model_lines(margins: Record) -> Iterator[str]:
-    for name, found in margins.get("models", {}).items():
+def _model_lines(promises: Record) -> Iterator[str]:
+    for name, found in promises.items():
+        if name not in NAMES:
+            continue
         if "problem" in found:
             yield f"{NAMES[name].capitalize()} promises nothing: {found['problem']}"
         elif not found["stable"]:
@@ -109,7 +111,7 @@ def _model_lines(margins: Record) -> Iterator[str]:
 
 
 def _engine_lines(margins: Record, loop: Record) -> Iterator[str]:
-    engine = {} if "problem" in loop else loop["engine"]
+    engine = {} if "problem" in loop else loop
     if "summary" in engine:
         yield f"The engine {engine['summary']}."
     if engine.get("saturated_share", 0.0) > 0.0:
