@@ -1,7 +1,7 @@
 """Questions answered in a worker's process: bytes in, bytes out, so that nothing is decoded twice."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from http import HTTPStatus
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
@@ -76,9 +76,20 @@ def answer(name: str, body: bytes) -> Answer:
         return Answer(problem["status"], "application/problem+json", format_compact_json(problem).encode())
 
 
-def warm_up() -> bytes:
-    """Answer the view that a page begins with, so that all is compiled and imported."""
-    return answer("view", json.dumps({"parts": [*LIVE]}).encode()).body
+def answer_parts(entries: Mapping[str, Any], names: Sequence[str]) -> Mapping[str, bytes]:
+    """Find parts of a view, each as JSON.
+
+    Args:
+        entries: the state, which was checked before.
+        names: of the parts.
+    """
+    found = make_view(parse_state(entries), names)["parts"]
+    return {name: format_compact_json(found[name]).encode() for name in names}
+
+
+def warm_up() -> None:
+    """Find the view that a page begins with, so that all is compiled and imported."""
+    answer_parts({}, LIVE)
 
 
 def _parse(body: bytes) -> Mapping[str, Any]:

@@ -78,19 +78,16 @@ def parse_state(entries: Mapping[str, Any]) -> State:
     try:
         return State.model_validate(dict(entries))
     except ValidationError as error:
-        raise as_input_error(error) from error
+        raise as_input_error(error.errors(include_url=False)[0]) from error
 
 
-def as_input_error(error: ValidationError, place: tuple[str, ...] = ()) -> InvalidInputError:
-    """Word what pydantic found first as the project words its errors.
+def as_input_error(found: Mapping[str, Any]) -> InvalidInputError:
+    """Word an error of pydantic's as the project words its own.
 
     Args:
-        error: what it found.
-        place: keys that led there, for messages; left out of the control's name.
+        found: one entry of its list.
     """
-    found = error.errors(include_url=False)[0]
-    path = tuple(str(part) for part in found["loc"])
-    control = ".".join(part for part in path[len(place) :] if part not in {"float", "int", "nullable[float]"})
+    control = ".".join(str(part) for part in found["loc"] if part not in {"float", "int", "nullable[float]"})
     limits = found.get("ctx", {})
     value = found.get("input")
     shown = repr(value) if not isinstance(value, float | int) or isinstance(value, bool) else f"{value:g}"

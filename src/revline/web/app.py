@@ -1,0 +1,251 @@
+"""The HTTP application of the workbench: the page, and the API under a versioned path."""
+
+import asyncio
+import json
+import time
+from collections.abc import AsyncIterator, Callable, Sequence
+from contextlib import asynccontextmanager
+from http import HTTPStatus
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+from fastapi import APIRouter, FastAPI, Header, Request, Response
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import FileResponse, PlainTextResponse
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.exceptions import HTTPException
+from starlette.middleware.gzip import GZipMiddleware
+
+from revline import __version__
+from revline.errors import RevlineError
+from revline.io.json_files import format_compact_json
+from revline.web.answers import LIVE, Answer, answer, answer_parts
+from revline.web.parameters import list_parameters
+from revline.web.problems import CONTENT_TYPE, make_problem, problem_of
+from revline.web.security import App, Guard, Rules
+from revline.web.state import State, as_input_error
+from revline.web.turns import SupersededError, Turns
+from revline.web.view.build import GROUPS, OF_WORDS, PARTS, WORDS
+from revline.web.view.words import view_words
+from revline.web.workers import GIBIBYTE, WorkerError, Workers
+
+API: Final = "/api/v1"
+
+NOT_BUILT: Final = (
+    "The page of the workbench is not in this installation: it was not built.\n\n"
+    "From a checkout run `make page` (or `make workbench`, which starts the server too); a released wheel has the page in it.\n"
+    f"The API works all the same: {API}/openapi.json describes it.\n"
+)
+
+
+class ViewRequest(BaseModel):
+    """Parts of the view of a state."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    state: State = State()
+    parts: Annotated[list[str], Field(max_length=32, description=f"of {', '.join((*PARTS, WORDS))}")] = list(LIVE)
+
+
+class StateRequest(BaseModel):
+    """A state alone."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    state: State = State()
+
+
+class Problem(BaseModel):
+    """Why there is no answer (RFC 9457)."""
+
+    type: str
+    title: str
+    status: int
+    detail: str
+    exit_status: Annotated[int | None, Field(description="that of the command line: 2 wrong input, 1 the analysis")] = None
+    control: Annotated[str | None, Field(description="key of the state that caused it")] = None
+    details: Annotated[dict[str, Any] | None, Field(description="numbers of the text, by name")] = None
+
+
+class Desk:
+    """What the routes share while the server runs.
+
+    Attributes:
+        workers: that compute.
+        turns: of the pages.
+    """
+
+    def __init__(self) -> None:
+        self.workers = Workers(count=2, seconds=30.0, memory=4 * GIBIBYTE)
+        self.turns = Turns()
+
+
+def create(rules: Rules | None = None, *, ready: Callable[[], None] | None = None) -> App:
+    """Make the application.
+
+    Args:
+        rules: what may pass; by default requests to this machine's own names on any port.
+        ready: called once views are answered at once.
+    """
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        app.state.desk = Desk()
+        warming = asyncio.create_task(_warm_up(app.state.desk, ready))
+        try:
+            yield
+        finally:
+            warming.cancel()
+            app.state.desk.workers.stop()
+
+    app = FastAPI(
+        title="revline workbench",
+        version=__version__,
+        summary="Engine speed control with the transport delay kept exact.",
+        openapi_url=f"{API}/openapi.json",
+        docs_url=None,
+        redoc_url=None,
+        lifespan=lifespan,
+        responses={422: {"model": Problem}, 503: {"model": Problem}},
+    )
+    app.include_router(_api())
+    app.include_router(_page())
+    for kind, handler in ((RequestValidationError, _invalid), (HTTPException, _missing), (RevlineError, _refused), (WorkerError, _lost)):
+        app.add_exception_handler(kind, handler)
+    app.add_middleware(GZipMiddleware, minimum_size=2000, compresslevel=1)
+    return Guard(app, rules or Rules(hosts=frozenset()))
+
+
+async def _warm_up(desk: Desk, ready: Callable[[], None] | None) -> None:
+    await desk.workers.warm_up()
+    if ready is not None:
+        ready()
+
+
+def _api() -> APIRouter:
+    routes = APIRouter(prefix=API)
+
+    @routes.get("/health", summary="Whether the server is there")
+    async def health() -> dict[str, str]:
+        return {"program": "revline", "version": __version__}
+
+    @routes.get("/parameters", summary="What can be set about an engine", response_model=None)
+    async def parameters(engine: str = "lee1995") -> Response:
+        return _json(format_compact_json(list_parameters(engine)).encode())
+
+    @routes.post("/view", summary="Parts of the view of a state", responses={409: {"model": Problem}}, response_model=None)
+    async def view(request: Request, asked: ViewRequest, x_client: Annotated[str, Header(max_length=64)] = "") -> Response:
+        """Numbers and series of a state; a part that cannot be found is {"problem": ...}, and leaves the others whole.
+
+        Of a client's requests (header X-Client) one is answered at a time, and of those that wait only the newest; the others are
+        answered 409.
+        """
+        desk: Desk = request.app.state.desk
+        try:
+            body = await desk.turns.take(x_client or f"once-{id(request)}", lambda: _view(desk, asked))
+        except SupersededError:
+            problem = make_problem("superseded", "a newer request came", "the client asked for a newer state", status=HTTPStatus.CONFLICT)
+            return _problem(problem)
+        return _json(body)
+
+    for name, summary in (("study-file", "A study file of a state"), ("engine-file", "An engine file of a state's engine")):
+        routes.add_api_route(f"/{name}", _file_route(name), methods=["POST"], summary=summary, response_model=None)
+    return routes
+
+
+def _file_route(name: str) -> Callable[..., Any]:
+    async def route(request: Request, asked: StateRequest) -> Response:
+        desk: Desk = request.app.state.desk
+        body = format_compact_json({"state": asked.state.model_dump(exclude_none=True)}).encode()
+        found: Answer = await desk.workers.ask(answer, name, body)
+        return Response(found.body, status_code=found.status, media_type=found.kind)
+
+    return route
+
+
+async def _view(desk: Desk, asked: ViewRequest) -> bytes:
+    """Have the parts found side by side, and put them together without decoding them but for the words."""
+    began = time.perf_counter()
+    unknown = [name for name in asked.parts if name not in PARTS and name != WORDS]
+    if unknown:
+        answer_parts({}, unknown)  # raises, with the names that there are
+    entries = asked.state.model_dump(exclude_none=True)
+    wanted = dict.fromkeys(name for name in asked.parts if name != WORDS)
+    needed = {**wanted, **(dict.fromkeys(OF_WORDS) if WORDS in asked.parts else {})}
+    shares = [[name for name in needed if name in group] for group in GROUPS]
+    shares.append([name for name in needed if not any(name in group for group in GROUPS)])
+    found: dict[str, bytes] = {}
+    for share in await asyncio.gather(*(desk.workers.ask(answer_parts, entries, share) for share in shares if share)):
+        found |= share
+    kept = [(name, found[name]) for name in wanted]
+    if WORDS in asked.parts:
+        words = view_words(*(json.loads(found[name]) for name in OF_WORDS))
+        kept.append((WORDS, format_compact_json(words).encode()))
+    parts = b",".join(b'"' + name.encode() + b'":' + body for name, body in kept)
+    return b'{"parts":{' + parts + b'},"seconds":' + f"{time.perf_counter() - began:.6f}".encode() + b"}"
+
+
+def _page() -> APIRouter:
+    routes = APIRouter(include_in_schema=False)
+    folder = page_folder()
+    files = {path.relative_to(folder).as_posix(): path for path in sorted(folder.rglob("*")) if path.is_file()} if folder.is_dir() else {}
+
+    @routes.get("/", response_model=None)
+    async def index() -> Response:
+        if "index.html" not in files:
+            return PlainTextResponse(NOT_BUILT, status_code=HTTPStatus.SERVICE_UNAVAILABLE)
+        return FileResponse(files["index.html"], headers={"cache-control": "no-cache"})
+
+    @routes.get("/{name:path}", response_model=None)
+    async def asset(name: str) -> Response:
+        if name not in files:  # names of the build alone, no path of the machine
+            raise HTTPException(HTTPStatus.NOT_FOUND)
+        held = "public, max-age=31536000, immutable" if name.startswith("assets/") else "no-cache"
+        return FileResponse(files[name], headers={"cache-control": held})
+
+    return routes
+
+
+def page_folder() -> Path:
+    """Where the built page is, if it was built."""
+    return Path(str(resources.files("revline.web"))) / "page"
+
+
+def _json(body: bytes) -> Response:
+    return Response(body, media_type="application/json")
+
+
+def _problem(record: Any) -> Response:
+    return Response(format_compact_json(record).encode(), status_code=record["status"], media_type=CONTENT_TYPE)
+
+
+async def _invalid(request: Request, error: Exception) -> Response:  # noqa: ARG001 - the form of all handlers
+    found = _first_error(error)
+    control = found.details.get("control")
+    return _problem(problem_of(found, control=control if isinstance(control, str) else ""))
+
+
+def _first_error(error: Any) -> RevlineError:
+    """Word what FastAPI refused as the project words its errors."""
+    entries: Sequence[Any] = error.errors()
+    entry = dict(entries[0])
+    entry["loc"] = tuple(part for part in entry["loc"] if part not in {"body", "state", "query", "header"})
+    return as_input_error(entry)
+
+
+async def _refused(request: Request, error: Exception) -> Response:  # noqa: ARG001 - the form of all handlers
+    known: Any = error
+    return _problem(problem_of(known, control=str(known.details.get("control", ""))))
+
+
+async def _lost(request: Request, error: Exception) -> Response:  # noqa: ARG001 - the form of all handlers
+    known: Any = error
+    return _problem(known.problem)
+
+
+async def _missing(request: Request, error: Exception) -> Response:
+    known: Any = error
+    status = HTTPStatus(known.status_code)
+    detail = f"there is nothing at {request.url.path[:200]!r} for {request.method}; {API}/openapi.json lists what there is"
+    return _problem(make_problem(status.phrase.lower().replace(" ", "-"), status.phrase.lower(), detail, status=status))

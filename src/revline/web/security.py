@@ -1,0 +1,194 @@
+"""What every request must pass, and what every answer carries: hosts, origins, kinds, sizes, tokens, and headers for browsers.
+
+The server computes for whoever may reach it; a page of another site in the same browser may reach it too. Hosts are checked against
+names that are not this server's (DNS rebinding), origins against requests from other sites, and the kind of content so that no form can
+send one.
+"""
+
+import secrets
+from collections.abc import Awaitable, Callable, Iterable, MutableMapping
+from http import HTTPStatus
+from http.cookies import SimpleCookie
+from typing import Any, Final, NamedTuple
+
+from revline.io.json_files import format_compact_json
+from revline.web.problems import CONTENT_TYPE, make_problem
+
+Scope = MutableMapping[str, Any]
+Message = MutableMapping[str, Any]
+Receive = Callable[[], Awaitable[Message]]
+Send = Callable[[Message], Awaitable[None]]
+App = Callable[[Scope, Receive, Send], Awaitable[None]]
+
+SAFE: Final = ("GET", "HEAD", "OPTIONS")
+"""Methods that change and compute nothing."""
+
+COOKIE: Final = "revline_token"
+
+POLICY: Final = "; ".join(
+    (
+        "default-src 'none'",
+        "script-src 'self'",
+        "style-src 'self'",
+        "img-src 'self' data: blob:",
+        "connect-src 'self'",
+        "font-src 'self'",
+        "base-uri 'none'",
+        "form-action 'none'",
+        "frame-ancestors 'none'",
+    )
+)
+"""Content security policy: everything from here, nothing inline."""
+
+HEADERS: Final = (
+    ("content-security-policy", POLICY),
+    ("x-content-type-options", "nosniff"),
+    ("referrer-policy", "no-referrer"),
+    ("cross-origin-opener-policy", "same-origin"),
+    ("cross-origin-resource-policy", "same-origin"),
+    ("permissions-policy", "camera=(), microphone=(), geolocation=()"),
+)
+
+
+class Rules(NamedTuple):
+    """What the server lets in.
+
+    Attributes:
+        hosts: values of the Host header that are this server's; none to let any pass, where the token is what counts.
+        token: that each request must bring; empty where none is needed.
+        largest: bytes of a request's body at most.
+        in_flight: requests at once at most.
+    """
+
+    hosts: frozenset[str]
+    token: str = ""
+    largest: int = 256 * 1024
+    in_flight: int = 200
+
+
+class Guard:
+    """The outermost layer of the server.
+
+    Args:
+        app: what is guarded.
+        rules: what may pass.
+    """
+
+    def __init__(self, app: App, rules: Rules) -> None:
+        self._app, self._rules, self._running = app, rules, 0
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Refuse a request, or pass it on and mark the answer."""
+        if scope["type"] != "http":
+            if scope["type"] == "lifespan":
+                await self._app(scope, receive, send)
+            return
+        headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
+        refused = self._refusal(scope, headers)
+        if refused is None and self._running >= self._rules.in_flight:
+            detail = f"{self._running} requests are being answered already; try again in a moment"
+            refused = make_problem("too-busy", "too many requests at once", detail, status=HTTPStatus.SERVICE_UNAVAILABLE)
+        if refused is not None:
+            await self._refuse(send, refused)
+            return
+        self._running += 1
+        try:
+            await self._pass(scope, receive, send)
+        finally:
+            self._running -= 1
+
+    def _refusal(self, scope: Scope, headers: MutableMapping[str, str]) -> dict[str, Any] | None:
+        rules, host = self._rules, headers.get("host", "")
+        if rules.hosts and host not in rules.hosts:
+            detail = f"this server is not {host[:100]!r}; open it as {' or '.join(sorted(rules.hosts))}"
+            return make_problem("wrong-host", "the host is not this server", detail, status=HTTPStatus.MISDIRECTED_REQUEST)
+        if not _own_origin(headers, host):
+            detail = "the request comes from a page of another site, which may not use this server"
+            return make_problem("wrong-origin", "another site asks", detail, status=HTTPStatus.FORBIDDEN)
+        if rules.token and not secrets.compare_digest(_token_of(scope, headers).encode(), rules.token.encode()):
+            detail = "this server asks for its token: open the link that `revline serve` printed, or send Authorization: Bearer TOKEN"
+            return make_problem("no-token", "the token is missing or wrong", detail, status=HTTPStatus.UNAUTHORIZED)
+        return self._content_refusal(scope, headers)
+
+    def _content_refusal(self, scope: Scope, headers: MutableMapping[str, str]) -> dict[str, Any] | None:
+        if scope["method"] in SAFE:
+            return None
+        length = headers.get("content-length", "")
+        if length.isdecimal() and int(length) > self._rules.largest:
+            return _too_large(self._rules.largest)
+        kind = headers.get("content-type", "").partition(";")[0].strip().lower()
+        if kind != "application/json":
+            detail = f"the content is {kind[:60] or 'of no kind'}; send application/json"
+            return make_problem("wrong-kind", "the kind of content is wrong", detail, status=HTTPStatus.UNSUPPORTED_MEDIA_TYPE)
+        return None
+
+    async def _pass(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Read the body, which is small, and pass the request on; mark the answer."""
+        parts, size, more = [], 0, scope["method"] not in SAFE
+        while more:
+            message = await receive()
+            if message["type"] == "http.disconnect":
+                return
+            parts.append(message.get("body", b""))
+            size, more = size + len(parts[-1]), message.get("more_body", False)
+            if size > self._rules.largest:
+                await self._refuse(send, _too_large(self._rules.largest))
+                return
+        kept = [{"type": "http.request", "body": b"".join(parts), "more_body": False}]
+
+        async def replayed() -> Message:
+            return kept.pop() if kept else await receive()
+
+        async def marked(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                message = {**message, "headers": [*message.get("headers", ()), *_encoded(HEADERS), *self._cookie(scope)]}
+            await send(message)
+
+        await self._app(scope, replayed, marked)
+
+    def _cookie(self, scope: Scope) -> list[tuple[bytes, bytes]]:
+        """The token as a cookie, for who came with it in the link."""
+        token = self._rules.token
+        if not token or f"token={token}" not in scope.get("query_string", b"").decode("latin-1"):
+            return []
+        return [(b"set-cookie", f"{COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/".encode("latin-1"))]
+
+    async def _refuse(self, send: Send, problem: dict[str, Any]) -> None:
+        body = format_compact_json(problem).encode()
+        extra = [("content-type", CONTENT_TYPE), ("content-length", str(len(body))), ("connection", "close")]
+        if problem["status"] == HTTPStatus.SERVICE_UNAVAILABLE:
+            extra.append(("retry-after", "1"))
+        await send({"type": "http.response.start", "status": problem["status"], "headers": _encoded([*HEADERS, *extra])})
+        await send({"type": "http.response.body", "body": body})
+
+
+def _own_origin(headers: MutableMapping[str, str], host: str) -> bool:
+    """Whether a request comes from the server's own page, from the address bar, or from a program."""
+    origin, site = headers.get("origin"), headers.get("sec-fetch-site", "none")
+    if origin is not None and origin not in {f"http://{host}", f"https://{host}"}:
+        return False
+    if site in {"none", "same-origin"}:
+        return True
+    # A link from elsewhere may open the page itself, which then asks for the rest on its own.
+    return (headers.get("sec-fetch-mode"), headers.get("sec-fetch-dest")) == ("navigate", "document")
+
+
+def _token_of(scope: Scope, headers: MutableMapping[str, str]) -> str:
+    """The token that a request brings: in its header, its cookie, or the link."""
+    kind, _, given = headers.get("authorization", "").partition(" ")
+    if kind.lower() == "bearer":
+        return given.strip()
+    cookie = SimpleCookie(headers.get("cookie", "")).get(COOKIE)
+    if cookie is not None:
+        return cookie.value
+    query = scope.get("query_string", b"").decode("latin-1")
+    return next((part[6:] for part in query.split("&") if part.startswith("token=")), "")
+
+
+def _too_large(limit: int) -> dict[str, Any]:
+    detail = f"the request is larger than {limit / 1024:g} KiB; send less"
+    return make_problem("too-large", "the request is too large", detail, status=HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
+
+
+def _encoded(headers: Iterable[tuple[str, str]]) -> list[tuple[bytes, bytes]]:
+    return [(name.encode("latin-1"), value.encode("latin-1")) for name, value in headers]

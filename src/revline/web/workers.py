@@ -1,0 +1,87 @@
+"""Processes that answer questions: kept warm, limited in time and memory, and replaced when they end."""
+
+import asyncio
+import multiprocessing
+import os
+import resource
+from collections.abc import Callable
+from http import HTTPStatus
+from typing import Any, Final, TypeVar
+
+from pebble import ProcessExpired, ProcessPool
+
+from revline.web.answers import warm_up
+from revline.web.problems import make_problem
+
+Result = TypeVar("Result")
+
+GIBIBYTE: Final = 2**30
+
+ONE_THREAD: Final = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+"""Each process computes on one thread; side by side are the processes."""
+
+
+class WorkerError(Exception):
+    """A process gave no answer; `problem` says why."""
+
+    def __init__(self, kind: str, title: str, detail: str) -> None:
+        super().__init__(detail)
+        self.problem = make_problem(kind, title, detail, status=HTTPStatus.SERVICE_UNAVAILABLE)
+
+
+class Workers:
+    """Some processes for one kind of work.
+
+    Args:
+        count: how many.
+        seconds: that one question may take; a process that takes longer is ended and replaced.
+        memory: bytes of address space that a process may have.
+    """
+
+    def __init__(self, *, count: int, seconds: float, memory: int) -> None:
+        for name in ONE_THREAD:
+            os.environ.setdefault(name, "1")
+        self._seconds = seconds
+        self._pool = ProcessPool(
+            max_workers=count, context=multiprocessing.get_context("spawn"), initializer=limit_memory, initargs=[memory]
+        )
+        self.count = count
+
+    async def ask(self, function: Callable[..., Result], *arguments: object) -> Result:
+        """Have a process compute.
+
+        Args:
+            function: found by its module and name in the process.
+            arguments: of the function.
+
+        Raises:
+            WorkerError: the process ended, or took too long or too much memory; it has been replaced.
+        """
+        future = self._pool.schedule(function, args=list(arguments), timeout=self._seconds)
+        try:
+            found: Result = await asyncio.wrap_future(future)
+        except TimeoutError as error:
+            detail = f"the answer took longer than {self._seconds:g} s and was given up; ask for less, or run it on the command line"
+            raise WorkerError("took-too-long", "the answer took too long", detail) from error
+        except ProcessExpired as error:
+            detail = f"the process that computed the answer ended ({error}); it was replaced: ask again, or for less"
+            raise WorkerError("process-ended", "the process ended", detail) from error
+        except MemoryError as error:
+            detail = "the answer needed more memory than a process may have; ask for less, or run it on the command line"
+            raise WorkerError("out-of-memory", "the answer needs too much memory", detail) from error
+        return found
+
+    async def warm_up(self) -> None:
+        """Have each process import and compile what a page asks for."""
+        await asyncio.gather(*(asyncio.wrap_future(self._pool.schedule(warm_up)) for _ in range(self.count)))
+
+    def stop(self) -> None:
+        """End all processes."""
+        pool: Any = self._pool
+        pool.stop()
+        pool.join()
+
+
+def limit_memory(size: int) -> None:
+    """Limit the address space of this process, in bytes."""
+    resource.setrlimit(resource.RLIMIT_AS, (size, size))
