@@ -1,0 +1,211 @@
+/** The server's view of a state: one request in flight, the newest state next, stale answers dropped. */
+
+import type { State } from "./state";
+
+export interface Problem {
+  title: string;
+  detail: string;
+  status: number;
+  control?: string;
+}
+
+export interface Curve {
+  frequency_rad_s: number[];
+  magnitude_db: number[];
+  phase_deg: number[];
+}
+
+export interface Trace {
+  time_s: number[];
+  speed_rad_s: number[];
+  throttle_deg: number[];
+  stable?: boolean;
+  overshoot?: number;
+}
+
+export interface Promise_ {
+  stable: boolean;
+  gain_margin_db?: number;
+  phase_margin_deg?: number;
+  delay_margin_s?: number;
+  ms: number;
+}
+
+type OrProblem<T> = T | { problem: Problem | string };
+export type Pair = [number, number];
+export type PerModel<T> = Record<string, OrProblem<T>>;
+
+export interface Parts {
+  point: OrProblem<{
+    throttle_deg: number;
+    speed_rad_s: number;
+    speed_rpm: number;
+    pressure_kpa: number;
+    stable: boolean;
+    gain_rad_s_per_deg: number;
+    lags_s: Record<string, number>;
+  }>;
+  response: OrProblem<{ exact: Curve; harmonic_balance: OrProblem<Curve & { distortion: number[]; notes: string[] }> }>;
+  models: OrProblem<
+    Record<
+      string,
+      {
+        numerator: number[];
+        denominator: number[];
+        delay_s: number;
+        accepted: boolean;
+        verdict: string;
+        curve: Curve;
+        errors: { frequency_rad_s: number[]; magnitude_db: number[]; phase_deg: number[] };
+      }
+    >
+  >;
+  roots: OrProblem<{ plant: Pair[]; models: Record<string, { poles: Pair[]; closed?: Pair[] }> }>;
+  gains: OrProblem<{
+    kd: number;
+    window: { kp_low: number; kp_high: number; ki_high: number };
+    boundary: { kp: number[]; ki: number[] }[];
+    shade: string[];
+  }>;
+  margins: OrProblem<
+    Promise_ & {
+      gain_crossovers: { frequency_rad_s: number; phase_margin_deg: number }[];
+      gain_reduction_margin_db?: number;
+      mt: number;
+      disk_margin: number;
+    }
+  >;
+  promises: PerModel<Promise_>;
+  loop: OrProblem<
+    Trace & {
+      outcome?: string;
+      summary?: string;
+      undecided?: string;
+      limits_deg?: Pair;
+      settling_time_s?: number;
+      saturated_share?: number;
+      droop_rad_s?: number;
+      droop_at_s?: number;
+      iae_rad?: number;
+      limit_cycle?: { low_rad_s: number; high_rad_s: number; period_s: number };
+    }
+  >;
+  answers: PerModel<Trace>;
+  map: OrProblem<{
+    throttle_deg: number[];
+    speed_rad_s: number[];
+    stable: boolean[];
+    line?: {
+      low_deg: number;
+      high_deg: number;
+      slope_rad_s_per_deg: number;
+      intercept_rad_s: number;
+      max_error_rad_s: number;
+    };
+  }>;
+  contours: OrProblem<{ contours: { ms: number; pieces?: { kp: number[]; ki: number[] }[]; none?: string }[] }>;
+  peaks: OrProblem<Curve & { distortion: number[] }>;
+  cycle: OrProblem<Record<string, unknown>>;
+  words: { verdict: string; lines: string[] };
+}
+
+export type PartName = keyof Parts;
+export type Found = Partial<Parts>;
+
+export const LIVE: PartName[] = [
+  "point",
+  "response",
+  "models",
+  "roots",
+  "gains",
+  "margins",
+  "promises",
+  "loop",
+  "answers",
+  "words",
+];
+
+export class Lost extends Error {}
+export class Refused extends Error {
+  constructor(readonly problem: Problem) {
+    super(problem.detail);
+  }
+}
+
+const CLIENT = Array.from(crypto.getRandomValues(new Uint8Array(9)), (n) => n.toString(36)).join("");
+
+/** Ask for parts of a view. */
+export async function fetchView(state: State, parts: PartName[], client = CLIENT): Promise<Found> {
+  const answer = await post("/api/v1/view", { state, parts }, client);
+  return ((await answer.json()) as { parts: Found }).parts;
+}
+
+/** Ask for a text, such as a study file. */
+export async function fetchText(path: string, state: State): Promise<string> {
+  return (await post(path, { state }, CLIENT)).text();
+}
+
+export async function fetchJson<T>(path: string): Promise<T> {
+  return (await send(path, {})).json() as Promise<T>;
+}
+
+function post(path: string, body: unknown, client: string): Promise<Response> {
+  const headers = { "content-type": "application/json", "x-client": client };
+  return send(path, { method: "POST", headers, body: JSON.stringify(body) });
+}
+
+async function send(path: string, options: RequestInit): Promise<Response> {
+  let answer: Response;
+  try {
+    answer = await fetch(path, options);
+  } catch {
+    throw new Lost("the server does not answer");
+  }
+  if (answer.ok) return answer;
+  let problem: Problem;
+  try {
+    problem = (await answer.json()) as Problem;
+  } catch {
+    throw new Lost(`the server answers ${answer.status}`);
+  }
+  throw new Refused(problem);
+}
+
+export function isProblem(part: unknown): part is { problem: Problem | string } {
+  return typeof part === "object" && part !== null && "problem" in part;
+}
+
+/** Keeps one request in flight, and sends the newest state when it returns; an answer to an older state is still newer than what is shown. */
+export class Follower<Asked, Answer> {
+  private waiting: Asked | undefined;
+  private running = false;
+
+  constructor(
+    private readonly ask: (asked: Asked) => Promise<Answer>,
+    private readonly show: (answer: Answer, asked: Asked) => void,
+    private readonly fail: (error: unknown, asked: Asked) => void,
+  ) {}
+
+  get busy(): boolean {
+    return this.running;
+  }
+
+  follow(asked: Asked): void {
+    this.waiting = asked;
+    if (!this.running) void this.run();
+  }
+
+  private async run(): Promise<void> {
+    this.running = true;
+    while (this.waiting !== undefined) {
+      const asked = this.waiting;
+      this.waiting = undefined;
+      try {
+        this.show(await this.ask(asked), asked);
+      } catch (error) {
+        this.fail(error, asked);
+      }
+    }
+    this.running = false;
+  }
+}

@@ -1,0 +1,323 @@
+/** The controls: numbers with sliders, choices, presets and the engine's parameters; a problem stands at the control that caused it. */
+
+import type { Named } from "./drawings";
+import { DEFAULTS, type NumberKey, type State, type StepKind } from "./state";
+import type { Store } from "./store";
+
+interface Spec {
+  key: NumberKey;
+  label: string;
+  unit: string;
+  low: number;
+  high: number;
+  step: number;
+  /** How the slider's way is divided: evenly, or by powers of ten above `least`. */
+  least?: number;
+  hidden?: (state: State) => boolean;
+}
+
+const POINT: Spec[] = [
+  { key: "throttle_deg", label: "Throttle", unit: "deg", low: 4, high: 80, step: 0.1 },
+  { key: "load_n_m", label: "Load", unit: "N m", low: -10, high: 80, step: 0.5 },
+  { key: "amplitude_deg", label: "Amplitude", unit: "deg", low: 0.1, high: 20, step: 0.1 },
+];
+const GAINS: Spec[] = [
+  { key: "kp", label: "kp", unit: "deg/(rad/s)", low: 0, high: 30, step: 0.001, least: 0.01 },
+  { key: "ki", label: "ki", unit: "deg/(rad/s)/s", low: 0, high: 300, step: 0.001, least: 0.05 },
+  { key: "kd", label: "kd", unit: "deg s/(rad/s)", low: 0, high: 1, step: 0.0001, least: 0.001 },
+];
+const STEP: Spec[] = [
+  {
+    key: "command_rad_s",
+    label: "Command",
+    unit: "rad/s",
+    low: -100,
+    high: 100,
+    step: 1,
+    hidden: (s) => s.step !== "command",
+  },
+  {
+    key: "load_step_n_m",
+    label: "Load step",
+    unit: "N m",
+    low: -20,
+    high: 40,
+    step: 0.5,
+    hidden: (s) => s.step !== "load",
+  },
+  {
+    key: "throttle_step_deg",
+    label: "Throttle step",
+    unit: "deg",
+    low: -20,
+    high: 20,
+    step: 0.5,
+    hidden: (s) => s.step !== "throttle",
+  },
+  { key: "until_s", label: "Time shown", unit: "s", low: 0.5, high: 20, step: 0.5 },
+];
+
+const POSITIONS = 1000;
+
+/** Where a value stands on a slider of `POSITIONS` places. */
+export function toPosition(value: number, spec: Pick<Spec, "low" | "high" | "least">): number {
+  const { low, high, least } = spec;
+  const share = least ? Math.asinh(value / least) / Math.asinh(high / least) : (value - low) / (high - low);
+  return Math.round(POSITIONS * Math.min(Math.max(share, 0), 1));
+}
+
+/** The value at a place of a slider, rounded to the control's step or to three digits. */
+export function fromPosition(position: number, spec: Pick<Spec, "low" | "high" | "step" | "least">): number {
+  const share = position / POSITIONS;
+  if (spec.least) return Number((spec.least * Math.sinh(share * Math.asinh(spec.high / spec.least))).toPrecision(3));
+  const value = spec.low + share * (spec.high - spec.low);
+  return Number((Math.round(value / spec.step) * spec.step).toPrecision(12));
+}
+
+export interface Parameter {
+  key: string;
+  section: string;
+  name: string;
+  unit: string;
+  meaning: string;
+  source: string;
+  value: number;
+  low: number;
+  high: number;
+}
+
+interface Row {
+  element: HTMLElement;
+  update: (state: State) => void;
+}
+
+export class Controls {
+  private readonly rows: Row[] = [];
+  private readonly faults = new Map<string, HTMLElement>();
+
+  constructor(
+    private readonly form: HTMLElement,
+    private readonly store: Store,
+  ) {
+    form.addEventListener("submit", (event) => event.preventDefault());
+    const point = this.group("Operating point");
+    for (const spec of POINT) point.append(this.number(spec));
+    const gains = this.group("Controller");
+    gains.append(this.presets());
+    for (const spec of GAINS) gains.append(this.number(spec));
+    const step = this.group("Step at time 0");
+    step.append(this.kinds());
+    for (const spec of STEP) step.append(this.number(spec));
+    store.subscribe((state) => this.update(state));
+  }
+
+  private readonly presetBox = document.createElement("p");
+
+  update(state: State): void {
+    for (const row of this.rows) row.update(state);
+  }
+
+  /** Put problems at the controls that caused them; an empty key is no control's. */
+  tell(problems: ReadonlyMap<string, string>): void {
+    for (const [key, element] of this.faults) {
+      const text = problems.get(key) ?? "";
+      if (element.textContent !== text) element.textContent = text;
+      element.hidden = text === "";
+      const input = document.getElementById(`${key}-number`);
+      if (text) input?.setAttribute("aria-invalid", "true");
+      else input?.removeAttribute("aria-invalid");
+    }
+  }
+
+  knows(key: string): boolean {
+    return this.faults.has(key);
+  }
+
+  offer(controllers: readonly (Named & { what: string })[]): void {
+    this.presetBox.replaceChildren(
+      ...controllers.map((one) => {
+        const button = document.createElement("button");
+        button.type = "button";
+        button.textContent = one.name;
+        button.title = one.what;
+        button.addEventListener("click", () => this.store.set({ kp: one.kp, ki: one.ki, kd: one.kd, step: "command" }));
+        return button;
+      }),
+    );
+  }
+
+  engine(parameters: readonly Parameter[]): void {
+    const box = document.createElement("details");
+    const title = document.createElement("summary");
+    title.textContent = "Engine";
+    const count = document.createElement("span");
+    count.className = "count";
+    title.append(" ", count);
+    const reset = document.createElement("button");
+    reset.type = "button";
+    reset.textContent = "Reset the engine";
+    reset.addEventListener("click", () => this.store.set({ parameters: {} }));
+    box.append(title, reset);
+    let section = "";
+    for (const parameter of parameters) {
+      if (parameter.section !== section) {
+        section = parameter.section;
+        const heading = document.createElement("h3");
+        heading.textContent = section;
+        box.append(heading);
+      }
+      box.append(this.parameter(parameter));
+    }
+    this.rows.push({
+      element: box,
+      update: (state) => {
+        const changed = Object.keys(state.parameters).length;
+        count.textContent = changed ? `${changed} changed` : "as published";
+        reset.hidden = changed === 0;
+      },
+    });
+    this.form.append(box);
+    this.update(this.store.state);
+  }
+
+  private group(title: string): HTMLElement {
+    const set = document.createElement("fieldset");
+    const legend = document.createElement("legend");
+    legend.textContent = title;
+    set.append(legend);
+    this.form.append(set);
+    return set;
+  }
+
+  private number(spec: Spec): HTMLElement {
+    const { row, slider, field } = this.pair(spec.key, spec.label, spec.unit);
+    const set = (value: number, done: boolean) => {
+      this.store.move({ [spec.key]: value });
+      if (done) this.store.settle();
+    };
+    slider.max = String(POSITIONS);
+    slider.addEventListener("input", () => set(fromPosition(slider.valueAsNumber, spec), false));
+    slider.addEventListener("change", () => this.store.settle());
+    field.step = "any";
+    field.addEventListener("change", () => {
+      if (Number.isFinite(field.valueAsNumber)) set(field.valueAsNumber, true);
+      else this.update(this.store.state);
+    });
+    const update = (state: State) => {
+      const value = state[spec.key];
+      row.hidden = spec.hidden?.(state) ?? false;
+      if (value === undefined) return;
+      show(slider, String(toPosition(value, spec)));
+      slider.setAttribute("aria-valuetext", `${value} ${spec.unit}`);
+      show(field, String(value));
+      row.classList.toggle("changed", value !== DEFAULTS[spec.key]);
+    };
+    this.rows.push({ element: row, update });
+    return row;
+  }
+
+  private parameter(parameter: Parameter): HTMLElement {
+    const key = `parameters.${parameter.key}`;
+    const { row, slider, field } = this.pair(key, parameter.name, parameter.unit);
+    row.title = `${parameter.meaning}. ${parameter.source}`;
+    slider.max = String(POSITIONS);
+    const span = parameter.high - parameter.low;
+    const set = (value: number, done: boolean) => {
+      const { [parameter.key]: _, ...others } = this.store.state.parameters;
+      this.store.move({ parameters: value === parameter.value ? others : { ...others, [parameter.key]: value } });
+      if (done) this.store.settle();
+    };
+    slider.addEventListener("input", () => {
+      const value = parameter.low + (span * slider.valueAsNumber) / POSITIONS;
+      set(Number(value.toPrecision(4)), false);
+    });
+    slider.addEventListener("change", () => this.store.settle());
+    field.step = "any";
+    field.addEventListener("change", () => {
+      if (Number.isFinite(field.valueAsNumber)) set(field.valueAsNumber, true);
+      else this.update(this.store.state);
+    });
+    const reset = document.createElement("button");
+    reset.type = "button";
+    reset.textContent = "↺";
+    reset.setAttribute("aria-label", `Reset ${parameter.name} to ${parameter.value}`);
+    reset.addEventListener("click", () => set(parameter.value, true));
+    row.append(reset);
+    const update = (state: State) => {
+      const value = state.parameters[parameter.key] ?? parameter.value;
+      show(slider, String(Math.round((POSITIONS * (value - parameter.low)) / span)));
+      slider.setAttribute("aria-valuetext", `${value} ${parameter.unit}`);
+      show(field, String(Number(value.toPrecision(8))));
+      const changed = parameter.key in state.parameters;
+      row.classList.toggle("changed", changed);
+      reset.hidden = !changed;
+    };
+    this.rows.push({ element: row, update });
+    return row;
+  }
+
+  private pair(key: string, label: string, unit: string) {
+    const row = document.createElement("div");
+    row.className = "control";
+    const text = document.createElement("label");
+    text.htmlFor = `${key}-number`;
+    text.textContent = label;
+    const units = document.createElement("span");
+    units.className = "unit";
+    units.textContent = unit === "1" ? "" : unit;
+    const slider = document.createElement("input");
+    slider.type = "range";
+    slider.min = "0";
+    slider.id = `${key}-slider`;
+    slider.setAttribute("aria-label", `${label}, slider`);
+    const field = document.createElement("input");
+    field.type = "number";
+    field.id = `${key}-number`;
+    field.setAttribute("aria-describedby", `${key}-fault`);
+    const fault = document.createElement("p");
+    fault.id = `${key}-fault`;
+    fault.className = "fault";
+    fault.setAttribute("role", "alert");
+    fault.hidden = true;
+    this.faults.set(key, fault);
+    row.append(text, field, units, slider, fault);
+    return { row, slider, field };
+  }
+
+  private kinds(): HTMLElement {
+    const row = document.createElement("p");
+    row.className = "kinds";
+    const kinds: [StepKind, string][] = [
+      ["command", "command"],
+      ["load", "load"],
+      ["throttle", "throttle, open loop"],
+    ];
+    for (const [kind, text] of kinds) {
+      const label = document.createElement("label");
+      const input = document.createElement("input");
+      input.type = "radio";
+      input.name = "step";
+      input.value = kind;
+      input.addEventListener("change", () => this.store.set({ step: kind }));
+      label.append(input, text);
+      row.append(label);
+      this.rows.push({
+        element: label,
+        update: (state) => {
+          input.checked = state.step === kind;
+        },
+      });
+    }
+    return row;
+  }
+
+  private presets(): HTMLElement {
+    this.presetBox.className = "presets";
+    return this.presetBox;
+  }
+}
+
+function show(input: HTMLInputElement, text: string): void {
+  if (input.value !== text && document.activeElement !== input) input.value = text;
+  else if (input.type === "range" && input.value !== text) input.value = text;
+}

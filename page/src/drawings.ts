@@ -1,0 +1,277 @@
+/** What each plot draws of a view. */
+
+import { type Found, isProblem, type Pair } from "./api";
+import type { Drawing, Line } from "./plot";
+import type { State } from "./state";
+
+export const COLORS = {
+  exact: "#0072b2",
+  balance: "#56b4e9",
+  peaks: "#cc79a7",
+  engine: "#7a5cc0",
+  g1: "#c28a00",
+  g2: "#d55e00",
+  g2d: "#009e73",
+  mark: "#e0338c",
+} as const;
+
+export const NAMES: Record<string, string> = { g1: "1st order", g2: "2nd order", g2d: "2nd order + delay" };
+const MODELS = ["g1", "g2", "g2d"] as const;
+const DASHES: Record<string, number[]> = { g1: [2, 3], g2: [6, 3], g2d: [9, 3, 2, 3] };
+
+function whole<T>(part: T | undefined): Exclude<T, { problem: unknown }> | undefined {
+  return part === undefined || isProblem(part) ? undefined : (part as Exclude<T, { problem: unknown }>);
+}
+
+/** A range that holds all values, with room; as wide as a smallest one. */
+export function rangeOf(values: Iterable<number>, least: number, share = 0.06): [number, number] {
+  let low = Number.POSITIVE_INFINITY;
+  let high = Number.NEGATIVE_INFINITY;
+  for (const value of values) {
+    if (value < low) low = value;
+    if (value > high) high = value;
+  }
+  if (low > high) return [0, 1];
+  const room = Math.max((high - low) * share, (least - (high - low)) / 2, 0);
+  return [low - room, high + room];
+}
+
+function model(name: string, x: readonly number[], y: readonly number[]): Line {
+  const dash = DASHES[name];
+  return { label: NAMES[name] ?? name, color: COLORS[name as "g1"], x, y, ...(dash ? { dash } : {}) };
+}
+
+export function drawMap(found: Found, state: State): Drawing | undefined {
+  const map = whole(found.map);
+  if (!map) return undefined;
+  const lines: Line[] = [{ label: "steady speed", color: COLORS.engine, x: map.throttle_deg, y: map.speed_rad_s }];
+  const unstable = map.throttle_deg.map((_, k) => (map.stable[k] ? Number.NaN : (map.speed_rad_s[k] ?? Number.NaN)));
+  if (map.stable.includes(false)) {
+    lines.push({ label: "unstable", color: COLORS.g2, x: map.throttle_deg, y: unstable, marker: "cross" });
+  }
+  let summary = `steady speed from ${map.throttle_deg[0]} to ${map.throttle_deg.at(-1)} deg`;
+  if (map.line) {
+    const { low_deg: low, high_deg: high, slope_rad_s_per_deg: slope, intercept_rad_s: start } = map.line;
+    const ends = [low, high];
+    lines.push({ label: "linear range", color: COLORS.g2d, x: ends, y: ends.map((a) => start + slope * a), width: 4 });
+    summary += `; a straight line holds from ${low.toFixed(1)} to ${high.toFixed(1)} deg`;
+  }
+  const point = whole(found.point);
+  if (point) {
+    lines.push({
+      label: "operating point",
+      color: COLORS.mark,
+      x: [point.throttle_deg],
+      y: [point.speed_rad_s],
+      marker: "dot",
+      width: 5,
+    });
+    const reach = [point.throttle_deg - state.amplitude_deg, point.throttle_deg + state.amplitude_deg];
+    lines.push({
+      label: "amplitude",
+      color: COLORS.mark,
+      x: reach,
+      y: [point.speed_rad_s, point.speed_rad_s],
+      width: 1.5,
+    });
+    summary += `; operating point ${point.throttle_deg.toFixed(2)} deg, ${point.speed_rad_s.toFixed(1)} rad/s`;
+  }
+  return { lines, x: [0, 90], y: [0, rangeOf(map.speed_rad_s, 10)[1]], summary };
+}
+
+export function drawBode(found: Found, which: "magnitude_db" | "phase_deg"): Drawing | undefined {
+  const response = whole(found.response);
+  if (!response) return undefined;
+  const { exact } = response;
+  const lines: Line[] = [];
+  const balance = whole(response.harmonic_balance);
+  const models = whole(found.models);
+  const peaks = whole(found.peaks);
+  const x: [number, number] = [0.1, 200];
+  for (const name of MODELS) {
+    const curve = models?.[name]?.curve;
+    if (curve) lines.push(model(name, curve.frequency_rad_s, curve[which]));
+  }
+  lines.push({ label: "exact, small signals", color: COLORS.exact, x: exact.frequency_rad_s, y: exact[which] });
+  if (balance) {
+    const { frequency_rad_s: w } = balance;
+    lines.push({
+      label: "harmonic balance",
+      color: COLORS.balance,
+      x: w,
+      y: balance[which],
+      marker: "ring",
+      width: 2.5,
+    });
+  }
+  if (peaks) {
+    lines.push({
+      label: "peaks",
+      color: COLORS.peaks,
+      x: peaks.frequency_rad_s,
+      y: peaks[which],
+      marker: "cross",
+      width: 3,
+    });
+  }
+  const y = which === "phase_deg" ? ([-450, 10] as [number, number]) : rangeOf(exact[which], 20);
+  return {
+    lines,
+    x,
+    y,
+    summary: `exact response and ${Object.keys(models ?? {}).length} models from 0.1 to 200 rad/s`,
+  };
+}
+
+export function drawErrors(found: Found): Drawing | undefined {
+  const models = whole(found.models);
+  if (!models) return undefined;
+  const lines: Line[] = [];
+  const sizes: number[] = [0];
+  const texts: string[] = [];
+  for (const name of MODELS) {
+    const errors = models[name]?.errors;
+    if (!errors) continue;
+    lines.push(model(name, errors.frequency_rad_s, errors.phase_deg));
+    sizes.push(...errors.phase_deg);
+    texts.push(`${NAMES[name]} ${Math.max(...errors.phase_deg.map(Math.abs)).toFixed(1)} deg`);
+  }
+  const response = whole(found.response);
+  const balance = response && whole(response.harmonic_balance);
+  if (balance) {
+    const percent = balance.distortion.map((d) => 100 * d);
+    lines.push({ label: "distortion (%)", color: COLORS.balance, x: balance.frequency_rad_s, y: percent, width: 1.2 });
+    sizes.push(...percent);
+  }
+  return { lines, x: [0.1, 200], y: rangeOf(sizes, 10), summary: `largest phase errors: ${texts.join(", ")}` };
+}
+
+export function drawRoots(found: Found): Drawing | undefined {
+  const roots = whole(found.roots);
+  if (!roots) return undefined;
+  const split = (pairs: readonly Pair[]) => ({ x: pairs.map((p) => p[0]), y: pairs.map((p) => p[1]) });
+  const lines: Line[] = [
+    { label: "engine, exact", color: COLORS.exact, ...split(roots.plant), marker: "cross", width: 3.5 },
+  ];
+  const shown: Pair[] = roots.plant.slice(0, 2);
+  for (const name of MODELS) {
+    const entry = roots.models[name];
+    if (!entry) continue;
+    lines.push({ label: NAMES[name] ?? name, color: COLORS[name], ...split(entry.poles), marker: "cross", width: 3 });
+    shown.push(...entry.poles);
+    if (entry.closed) {
+      lines.push({
+        label: `${NAMES[name]}, closed`,
+        color: COLORS[name],
+        ...split(entry.closed),
+        marker: "ring",
+        width: 3,
+      });
+      shown.push(...entry.closed.slice(0, 4));
+    }
+  }
+  const x = rangeOf([...shown.map((p) => p[0]), 5], 40);
+  const high = Math.max(30, ...shown.map((p) => Math.abs(p[1]))) * 1.15;
+  lines.push({ label: "", color: "#888888", x: [0, 0], y: [-high, high], width: 1 });
+  const first = roots.plant[0];
+  return {
+    lines,
+    x,
+    y: [-high, high],
+    summary: first ? `right-most root of the engine ${first[0].toFixed(2)} rad/s` : "no roots",
+  };
+}
+
+export interface Named {
+  name: string;
+  kp: number;
+  ki: number;
+  kd: number;
+}
+
+export function drawPlane(found: Found, state: State, controllers: readonly Named[]): Drawing | undefined {
+  const gains = whole(found.gains);
+  if (!gains) return undefined;
+  const { kp_low: low, kp_high: high, ki_high: top } = gains.window;
+  const lines: Line[] = gains.boundary.map((piece, k) => ({
+    label: k === 0 ? "limit of stability, exact" : "",
+    color: COLORS.exact,
+    x: piece.kp,
+    y: piece.ki,
+  }));
+  const contours = whole(found.contours)?.contours ?? [];
+  for (const [k, contour] of contours.entries()) {
+    for (const [j, piece] of (contour.pieces ?? []).entries()) {
+      const label = j === 0 ? `Ms ${contour.ms}` : "";
+      lines.push({
+        label,
+        color: COLORS.exact,
+        x: piece.kp,
+        y: piece.ki,
+        dash: [
+          [2, 3],
+          [5, 3],
+          [9, 3],
+        ][k] ?? [2, 2],
+        width: 1,
+      });
+    }
+  }
+  for (const one of controllers) {
+    const color = one.name === "C1" ? COLORS.g1 : one.name === "C2" ? COLORS.g2 : COLORS.g2d;
+    lines.push({ label: one.name, color, x: [one.kp], y: [one.ki], marker: "ring", width: 4 });
+  }
+  lines.push({ label: "these gains", color: COLORS.mark, x: [state.kp], y: [state.ki], marker: "dot", width: 5 });
+  const x: [number, number] = [Math.min(low, state.kp), Math.max(high, state.kp * 1.05)];
+  const y: [number, number] = [0, Math.max(top, state.ki * 1.05)];
+  const shade = { rows: gains.shade, x: [low, high] as [number, number], y: [0, top] as [number, number] };
+  return { lines, x, y, shade, summary: `kp ${state.kp}, ki ${state.ki} at kd ${state.kd}; stable gains are shaded` };
+}
+
+export function drawTime(found: Found, state: State, which: "speed_rad_s" | "throttle_deg"): Drawing | undefined {
+  const loop = whole(found.loop);
+  if (!loop) return undefined;
+  const lines: Line[] = [];
+  for (const name of MODELS) {
+    const trace = whole(found.answers?.[name]);
+    if (trace?.time_s) lines.push(model(name, trace.time_s, trace[which]));
+  }
+  lines.push({ label: "engine", color: COLORS.engine, x: loop.time_s, y: loop[which], width: 2.2 });
+  const start = loop[which][0] ?? 0;
+  const y = rangeOf(loop[which], which === "speed_rad_s" ? 2 : 1, 0.25);
+  if (which === "speed_rad_s" && state.step === "command") {
+    const target = start + state.command_rad_s;
+    lines.push({
+      label: "command",
+      color: "#888888",
+      x: [0, state.until_s],
+      y: [target, target],
+      dash: [3, 3],
+      width: 1,
+    });
+  }
+  if (which === "throttle_deg") {
+    for (const [k, limit] of (loop.limits_deg ?? []).entries()) {
+      lines.push({
+        label: k ? "limits" : "",
+        color: "#888888",
+        x: [0, state.until_s],
+        y: [limit, limit],
+        dash: [3, 3],
+        width: 1,
+      });
+    }
+  }
+  if (which === "speed_rad_s" && loop.limit_cycle) {
+    for (const [k, bound] of [loop.limit_cycle.low_rad_s, loop.limit_cycle.high_rad_s].entries()) {
+      const label = k ? "limit cycle" : "";
+      lines.push({ label, color: COLORS.mark, x: [0, state.until_s], y: [bound, bound], dash: [6, 2], width: 1 });
+    }
+  }
+  return {
+    lines,
+    x: [0, state.until_s],
+    y,
+    summary: loop.summary ?? loop.undecided ?? `starts at ${start.toFixed(1)}`,
+  };
+}

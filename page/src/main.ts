@@ -1,0 +1,315 @@
+/** The page: controls on the left, plots of the view, and what is true of it in words. */
+
+import "uplot/dist/uPlot.min.css";
+import "./style.css";
+import {
+  Follower,
+  type Found,
+  fetchJson,
+  fetchText,
+  fetchView,
+  isProblem,
+  LIVE,
+  Lost,
+  type PartName,
+  Refused,
+} from "./api";
+import { Controls, type Parameter } from "./controls";
+import { drawBode, drawErrors, drawMap, drawPlane, drawRoots, drawTime, type Named } from "./drawings";
+import { Numbers } from "./numbers";
+import { type Drawing, Plot, save } from "./plot";
+import { DEFAULTS, fromAddress, type State, same, toAddress } from "./state";
+import { Store } from "./store";
+import { Tour } from "./tour";
+
+const REST = 250;
+const SLOW: PartName[] = ["map", "peaks", "contours", "cycle"];
+
+const need = <T extends HTMLElement = HTMLElement>(id: string): T => {
+  const element = document.getElementById(id);
+  if (!element) throw new Error(`the page has no ${id}`);
+  return element as T;
+};
+
+const read = fromAddress(location.hash);
+const store = new Store(read.state);
+const controls = new Controls(need("controls"), store);
+const numbers = new Numbers();
+const tour = new Tour(need("guide"), store);
+const verdict = need("verdict");
+const banner = need("banner");
+let controllers: (Named & { what: string })[] = [];
+let found: Found = {};
+let shown: State | undefined;
+
+const frequency = { label: "frequency", unit: "rad/s", log: true };
+const seconds = { label: "time", unit: "s" };
+const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[] = [
+  {
+    plot: new Plot({
+      id: "map",
+      title: "Steady map",
+      x: { label: "throttle", unit: "deg" },
+      y: { label: "speed", unit: "rad/s" },
+      hint: "Drag to move the operating point",
+      drag: (x, _, phase) => {
+        store.move({ throttle_deg: Number(Math.min(Math.max(x, 0.1), 90).toFixed(1)) });
+        if (phase === "end") store.settle();
+      },
+    }),
+    draw: () => drawMap(found, store.state),
+    parts: ["map", "point"],
+  },
+  {
+    plot: new Plot({
+      id: "magnitude",
+      title: "Magnitude",
+      x: frequency,
+      y: { label: "speed per throttle", unit: "dB" },
+    }),
+    draw: () => drawBode(found, "magnitude_db"),
+    parts: ["response", "models"],
+  },
+  {
+    plot: new Plot({ id: "phase", title: "Phase", x: frequency, y: { label: "phase", unit: "deg" } }),
+    draw: () => drawBode(found, "phase_deg"),
+    parts: ["response", "models"],
+  },
+  {
+    plot: new Plot({
+      id: "plane",
+      title: "Gains",
+      x: { label: "kp", unit: "deg/(rad/s)" },
+      y: { label: "ki", unit: "deg/(rad/s)/s" },
+      hint: "Click or drag to choose kp and ki",
+      drag: (x, y, phase) => {
+        store.move({ kp: Number(x.toPrecision(3)), ki: Number(Math.max(y, 0).toPrecision(3)) });
+        if (phase === "end") store.settle();
+      },
+    }),
+    draw: () => drawPlane(found, store.state, controllers),
+    parts: ["gains"],
+  },
+  {
+    plot: new Plot({
+      id: "errors",
+      title: "Phase errors",
+      x: frequency,
+      y: { label: "model less engine", unit: "deg" },
+    }),
+    draw: () => drawErrors(found),
+    parts: ["models"],
+  },
+  {
+    plot: new Plot({
+      id: "roots",
+      title: "Roots",
+      x: { label: "real", unit: "rad/s" },
+      y: { label: "imaginary", unit: "rad/s" },
+    }),
+    draw: () => drawRoots(found),
+    parts: ["roots"],
+  },
+  {
+    plot: new Plot({ id: "speed", title: "Speed", x: seconds, y: { label: "speed", unit: "rad/s" } }),
+    draw: () => drawTime(found, store.state, "speed_rad_s"),
+    parts: ["loop"],
+  },
+  {
+    plot: new Plot({ id: "throttle", title: "Throttle", x: seconds, y: { label: "throttle", unit: "deg" } }),
+    draw: () => drawTime(found, store.state, "throttle_deg"),
+    parts: ["loop"],
+  },
+];
+
+function redraw(): void {
+  for (const { plot, draw, parts } of plots) {
+    const broken = parts.some((name) => isProblem(found[name]));
+    const drawing = broken ? undefined : draw();
+    if (drawing) plot.show(drawing);
+    else if (broken) plot.grey();
+  }
+  numbers.show(found);
+}
+
+function tellProblems(): void {
+  const texts = new Map<string, string>();
+  for (const part of Object.values(found)) {
+    for (const one of [part, isProblem(part) ? undefined : (part as { harmonic_balance?: unknown }).harmonic_balance]) {
+      if (!isProblem(one) || typeof one.problem === "string") continue;
+      const control = one.problem.control ?? "";
+      if (!texts.has(control)) texts.set(control, one.problem.detail);
+    }
+  }
+  controls.tell(texts);
+}
+
+/** What a slow part depends on: it is asked for again only where that changed. */
+function keyOf(part: PartName, state: State): string {
+  const engine = JSON.stringify([state.engine, state.parameters, state.load_n_m]);
+  const point = JSON.stringify([engine, state.throttle_deg, state.speed_rad_s]);
+  if (part === "map") return point;
+  if (part === "contours") return JSON.stringify([point, state.kd]);
+  return part === "peaks" ? JSON.stringify([point, state.amplitude_deg]) : toAddress(state);
+}
+
+const slowKeys = new Map<PartName, string>();
+const slowFollower = new Follower<{ state: State; parts: PartName[] }, Found>(
+  ({ state, parts }) => fetchView(state, parts, "slow"),
+  (answer, asked) => {
+    if (!same(asked.state, store.state)) return;
+    for (const part of asked.parts) slowKeys.set(part, keyOf(part, asked.state));
+    found = { ...found, ...answer };
+    redraw();
+    document.dispatchEvent(new CustomEvent("revline:settled"));
+  },
+  (error) => lost(error),
+);
+let resting: ReturnType<typeof setTimeout> | undefined;
+
+function askSlow(): void {
+  clearTimeout(resting);
+  resting = setTimeout(() => {
+    const state = store.state;
+    const hunts = found.loop && !isProblem(found.loop) && found.loop.outcome === "limit-cycle";
+    const parts = SLOW.filter((part) => slowKeys.get(part) !== keyOf(part, state) && (part !== "cycle" || hunts));
+    if (parts.length > 0) slowFollower.follow({ state, parts });
+    else document.dispatchEvent(new CustomEvent("revline:settled"));
+  }, REST);
+}
+
+const follower = new Follower<State, Found>(
+  (state) => fetchView(state, LIVE),
+  (answer, asked) => {
+    for (const part of SLOW) {
+      // What no longer belongs to this state must not be shown with it.
+      if (part !== "map" && slowKeys.get(part) !== keyOf(part, asked)) delete found[part];
+    }
+    found = { ...found, ...answer };
+    shown = asked;
+    banner.hidden = read.faults.length === 0;
+    verdict.textContent = answer.words?.verdict ?? "";
+    verdict.className = toneOf(answer);
+    tellProblems();
+    redraw();
+    document.dispatchEvent(new CustomEvent("revline:drawn", { detail: { state: asked } }));
+    if (same(asked, store.state)) askSlow();
+  },
+  (error) => lost(error),
+);
+
+function toneOf(answer: Found): string {
+  if (answer.margins && !isProblem(answer.margins)) {
+    const hunts = answer.loop && !isProblem(answer.loop) && answer.loop.outcome !== "settled" && answer.loop.outcome;
+    return answer.margins.stable && !hunts ? "good" : "bad";
+  }
+  return "bad";
+}
+
+let attempts = 0;
+function lost(error: unknown): void {
+  if (error instanceof Refused) {
+    if (error.problem.status === 409) return;
+    controls.tell(new Map([[error.problem.control ?? "", error.problem.detail]]));
+    if (!controls.knows(error.problem.control ?? "")) say(error.problem.detail);
+    for (const { plot } of plots) plot.grey();
+    return;
+  }
+  if (!(error instanceof Lost)) throw error;
+  attempts += 1;
+  const wait = Math.min(2 ** attempts, 20);
+  for (const { plot } of plots) plot.grey();
+  say(`The server does not answer; what is shown is the last it said. Trying again every ${wait} s.`);
+  setTimeout(() => {
+    fetchJson("/api/v1/health").then(() => {
+      attempts = 0;
+      banner.hidden = true;
+      start();
+      follower.follow(store.state);
+    }, lost);
+  }, 1000 * wait);
+}
+
+function say(text: string): void {
+  banner.textContent = text;
+  banner.hidden = false;
+}
+
+let started = false;
+function start(): void {
+  if (started) return;
+  fetchJson<{ parameters: Parameter[]; controllers: (Named & { what: string })[] }>(
+    `/api/v1/parameters?engine=${encodeURIComponent(store.state.engine)}`,
+  ).then((answer) => {
+    started = true;
+    controllers = answer.controllers;
+    controls.offer(answer.controllers);
+    controls.engine(answer.parameters);
+    redraw();
+  }, lost);
+}
+
+const undo = need<HTMLButtonElement>("undo");
+const redo = need<HTMLButtonElement>("redo");
+store.subscribe((state) => {
+  undo.disabled = !store.canUndo;
+  redo.disabled = !store.canRedo;
+  history.replaceState(null, "", toAddress(state) || location.pathname);
+  if (!shown || !same(shown, state)) follower.follow(state);
+});
+undo.addEventListener("click", () => store.undo());
+redo.addEventListener("click", () => store.redo());
+need("reset").addEventListener("click", () => store.replace(DEFAULTS));
+need("tour").addEventListener("click", () => tour.start());
+need("link").addEventListener("click", async (event) => {
+  const button = event.currentTarget as HTMLButtonElement;
+  const link = new URL(toAddress(store.state) || "/", location.origin).href;
+  try {
+    await navigator.clipboard.writeText(link);
+    button.textContent = "Copied";
+    setTimeout(() => {
+      button.textContent = "Copy link";
+    }, 1500);
+  } catch {
+    say(`The link to this view: ${link}`);
+  }
+});
+need("study").addEventListener("click", async () => {
+  try {
+    save(new Blob([await fetchText("/api/v1/study-file", store.state)], { type: "application/toml" }), "study.toml");
+    if (Object.keys(store.state.parameters).length > 0) {
+      save(
+        new Blob([await fetchText("/api/v1/engine-file", store.state)], { type: "application/toml" }),
+        "engine.toml",
+      );
+    }
+  } catch (error) {
+    lost(error);
+  }
+});
+document.addEventListener("keydown", (event) => {
+  if (!(event.ctrlKey || event.metaKey) || event.key.toLowerCase() !== "z") return;
+  event.preventDefault();
+  if (event.shiftKey) store.redo();
+  else store.undo();
+});
+window.addEventListener("hashchange", () => {
+  const next = fromAddress(location.hash);
+  if (!same(next.state, store.state)) store.replace(next.state);
+});
+
+const theme = need<HTMLButtonElement>("theme");
+const dark = matchMedia("(prefers-color-scheme: dark)");
+function setTheme(on: boolean): void {
+  document.documentElement.dataset.theme = on ? "dark" : "light";
+  theme.setAttribute("aria-pressed", String(on));
+  for (const { plot } of plots) plot.restyle();
+}
+theme.addEventListener("click", () => setTheme(document.documentElement.dataset.theme !== "dark"));
+setTheme(dark.matches);
+
+need("plots").append(...plots.map(({ plot }) => plot.figure), numbers.figure);
+if (read.faults.length > 0) say(read.faults.join("; "));
+controls.update(store.state);
+start();
+follower.follow(store.state);

@@ -1,0 +1,82 @@
+/** Margins and measures in numbers, as a table beside the plots. */
+
+import { type Found, isProblem, type Promise_ } from "./api";
+import { NAMES } from "./drawings";
+
+type Cell = string;
+
+export function rowsOf(found: Found): [string, Cell, Cell, Cell, Cell][] {
+  const exact = found.margins && !isProblem(found.margins) ? found.margins : undefined;
+  const promise = (name: string): Promise_ | undefined => {
+    const one = found.promises?.[name];
+    return one && !isProblem(one) ? (one as Promise_) : undefined;
+  };
+  const columns = [exact, promise("g1"), promise("g2"), promise("g2d")];
+  const row = (title: string, pick: (one: Promise_) => Cell): [string, Cell, Cell, Cell, Cell] => {
+    const cells = columns.map((one) => (one ? pick(one) : "–"));
+    return [title, cells[0] ?? "", cells[1] ?? "", cells[2] ?? "", cells[3] ?? ""];
+  };
+  const safe = (one: Promise_, value: number | undefined, digits: number, factor = 1) =>
+    one.stable ? (value === undefined ? "any" : (factor * value).toFixed(digits)) : "–";
+  return [
+    row("stable", (one) => (one.stable ? "yes" : "no")),
+    row("gain margin (dB)", (one) => safe(one, one.gain_margin_db, 2)),
+    row("phase margin (deg)", (one) => safe(one, one.phase_margin_deg, 1)),
+    row("delay margin (ms)", (one) => safe(one, one.delay_margin_s, 2, 1000)),
+    row("Ms", (one) => (one.stable ? one.ms.toFixed(2) : "–")),
+  ];
+}
+
+export class Numbers {
+  readonly figure = document.createElement("figure");
+  private readonly body = document.createElement("tbody");
+  private readonly lines = document.createElement("ul");
+
+  constructor() {
+    const { figure, body, lines } = this;
+    figure.id = "numbers";
+    figure.className = "plot";
+    const caption = document.createElement("figcaption");
+    const title = document.createElement("h2");
+    title.textContent = "Margins";
+    caption.append(title);
+    const table = document.createElement("table");
+    const head = document.createElement("thead");
+    const cells = ["", "exact", NAMES.g1, NAMES.g2, NAMES.g2d].map((text) => {
+      const cell = document.createElement("th");
+      cell.scope = "col";
+      cell.textContent = text ?? "";
+      return cell;
+    });
+    const line = document.createElement("tr");
+    line.append(...cells);
+    head.append(line);
+    table.append(head, body);
+    const box = document.createElement("div");
+    box.className = "scroll";
+    box.tabIndex = 0;
+    box.setAttribute("role", "region");
+    box.setAttribute("aria-label", "Margins in numbers");
+    box.append(table, lines);
+    figure.append(caption, box);
+  }
+
+  show(found: Found): void {
+    this.figure.classList.toggle("stale", found.margins === undefined || isProblem(found.margins));
+    if (!this.figure.classList.contains("stale")) {
+      this.body.replaceChildren(
+        ...rowsOf(found).map(([title, ...cells]) => {
+          const row = document.createElement("tr");
+          const head = document.createElement("th");
+          head.scope = "row";
+          head.textContent = title;
+          row.append(head, ...cells.map((text) => Object.assign(document.createElement("td"), { textContent: text })));
+          return row;
+        }),
+      );
+    }
+    this.lines.replaceChildren(
+      ...(found.words?.lines ?? []).map((text) => Object.assign(document.createElement("li"), { textContent: text })),
+    );
+  }
+}
