@@ -1,0 +1,165 @@
+"""The page of the workbench as a user meets it."""
+
+import json
+import re
+from collections.abc import Callable
+from typing import Any
+
+import httpx
+import pytest
+
+from tests.web.browser.conftest import ROOT, Server, Window
+
+Open = Callable[..., Window]
+PLOTS = ("map", "magnitude", "phase", "plane", "magnitude-error", "phase-error", "distortion", "roots", "speed", "throttle")
+PLANT = frozenset(PLOTS)
+BY_GAIN = frozenset({"plane", "roots", "speed", "throttle"})
+CHANGES = (
+    ("throttle_deg", 30.0, PLANT),
+    ("load_n_m", 5.0, PLANT),
+    ("amplitude_deg", 8.0, PLANT - {"plane"}),
+    ("kp", 0.8, BY_GAIN),
+    ("ki", 4.0, BY_GAIN),
+    ("kd", 0.05, BY_GAIN),
+    ("command_rad_s", 20.0, frozenset({"speed", "throttle"})),
+    ("until_s", 2.0, frozenset({"speed", "throttle"})),
+    ("parameters.rotation.inertia", 0.2, PLANT - {"map"}),
+)
+
+
+def ask(server: Server, state: dict[str, Any], *parts: str) -> dict[str, Any]:
+    answer = httpx.post(f"{server.address}api/v1/view", json={"state": state, "parts": list(parts)}, timeout=30.0)
+    return dict(answer.json()["parts"])
+
+
+def test_each_control_changes_each_plot_it_should(open_page: Open) -> None:
+    window = open_page()
+    window.page.click("summary:has-text('Engine')")
+    for control, value, wanted in CHANGES:
+        before = {plot: window.curves(plot) for plot in PLOTS}
+        window.set(control, value)
+        changed = {plot for plot in PLOTS if window.curves(plot) != before[plot]}
+        assert changed == wanted, control
+
+
+def test_numbers_shown_are_the_servers(open_page: Open, server: Server) -> None:
+    window = open_page("#v=1&throttle_deg=30&kp=0.9&ki=3&kd=0.06&command_rad_s=25")
+    found = ask(server, window.state(), "margins", "promises", "words", "loop")
+    rows = {cells[0]: cells[1:] for row in window.page.locator("#numbers tr").all() if (cells := row.locator("th, td").all_inner_texts())}
+    assert rows["gain margin (dB)"][0] == f"{found['margins']['gain_margin_db']:.2f}"
+    assert rows["phase margin (deg)"][0] == f"{found['margins']['phase_margin_deg']:.1f}"
+    assert rows["delay margin (ms)"][3] == f"{1000 * found['promises']['g2d']['delay_margin_s']:.2f}"
+    assert window.page.inner_text("#verdict") == found["words"]["verdict"]
+    last = f"engine,{json.dumps(found['loop']['time_s'][-1])}"
+    drawn = next(line for line in window.curves("speed").splitlines() if line.startswith(last.removesuffix(".0")))
+    assert float(drawn.split(",")[2]) == pytest.approx(found["loop"]["speed_rad_s"][-1], rel=1e-6)
+
+
+def test_a_link_shows_the_same_elsewhere(open_page: Open) -> None:
+    here = open_page()
+    here.set("kp", 2.153).set("throttle_deg", 28)
+    there = open_page(here.page.url.partition("/#")[2] and "#" + here.page.url.partition("#")[2])
+    assert there.state() == here.state()
+    assert {plot: there.curves(plot) for plot in PLOTS} == {plot: here.curves(plot) for plot in PLOTS}
+    assert there.page.inner_text("#verdict") == here.page.inner_text("#verdict")
+
+
+def test_a_broken_link_says_what_is_wrong(open_page: Open) -> None:
+    window = open_page("#v=1&kp=much")
+    assert "kp = much" in window.page.inner_text("#banner")
+    assert window.state()["kp"] == 1.2
+
+
+def test_a_drag_is_one_step_back(open_page: Open) -> None:
+    window = open_page()
+    for plot, keys in (("map", ("throttle_deg",)), ("plane", ("kp", "ki"))):
+        before = window.state()
+        box = window.page.locator(f"#{plot} .u-over").bounding_box()
+        assert box is not None
+        x, y = box["x"], box["y"]
+        window.page.mouse.move(x + 0.3 * box["width"], y + 0.6 * box["height"])
+        window.page.mouse.down()
+        window.page.mouse.move(x + 0.4 * box["width"], y + 0.7 * box["height"], steps=5)
+        window.page.mouse.up()
+        window.settle()
+        moved = window.state()
+        assert all(moved[key] != before[key] for key in keys)
+        window.page.keyboard.press("Control+z")
+        window.settle()
+        assert window.state() == before
+        window.page.keyboard.press("Control+Shift+z")
+        window.settle()
+        assert window.state() == moved
+
+
+def test_sliders_follow_the_arrows(open_page: Open) -> None:
+    window = open_page()
+    window.page.focus("#kp-slider")
+    window.page.keyboard.press("ArrowRight")
+    window.settle()
+    assert window.state()["kp"] != 1.2
+
+
+def test_the_tour_runs_to_its_end_and_leaves_all_as_it_was(open_page: Open) -> None:
+    window = open_page("#v=1&kp=0.7")
+    before = window.state()
+    window.page.click("#tour")
+    titles = []
+    for _ in range(8):
+        titles.append(window.page.inner_text("#guide h2"))
+        if re.search("hunts", titles[-1]):
+            window.settle()
+            assert "hunts between 291" in window.page.inner_text("#verdict")
+        window.page.keyboard.press("ArrowRight")
+    assert [title[:6] for title in titles] == [f"{number} of 8" for number in range(1, 9)]
+    assert window.settle().page.is_hidden("#guide")
+    assert window.state() == before
+
+
+def test_a_problem_stands_at_its_control_and_the_last_plots_stay(open_page: Open) -> None:
+    window = open_page()
+    before = window.curves("speed")
+    window.set("load_n_m", 500)
+    assert window.page.locator("#throttle_deg-fault, #load_n_m-fault").filter(visible=True).count() == 1
+    assert "stale" in str(window.page.get_attribute("#speed", "class"))
+    assert window.curves("speed") == before
+    window.set("load_n_m", 0)
+    assert "stale" not in str(window.page.get_attribute("#speed", "class"))
+    assert window.page.locator(".fault").filter(visible=True).count() == 0
+    window.complaints = [text for text in window.complaints if "422" not in text]  # the browser's own word for a refused state
+
+
+def test_a_server_that_went_and_came_back(open_page: Open, server: Server) -> None:
+    window = open_page()
+    server.stop()
+    try:
+        window.page.fill("#kp-number", "0.9")
+        window.page.press("#kp-number", "Enter")
+        window.page.wait_for_selector("#banner:has-text('does not answer')")
+    finally:
+        server.start()
+    window.page.wait_for_selector("#banner", state="hidden", timeout=30_000)
+    assert window.settle().state()["kp"] == 0.9
+    assert "stale" not in str(window.page.get_attribute("#speed", "class"))
+    window.complaints = [text for text in window.complaints if "ERR_CONNECTION_REFUSED" not in text]  # the browser's own word for it
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_no_serious_fault(open_page: Open, scheme: str) -> None:
+    window = open_page(color_scheme=scheme, bypass_csp=True)
+    window.page.click("summary:has-text('Engine')")
+    window.page.add_script_tag(path=ROOT / "page" / "node_modules" / "axe-core" / "axe.min.js")
+    found = window.page.evaluate("() => axe.run(document, {resultTypes: ['violations']})")
+    serious = [f"{one['id']}: {one['nodes'][0]['html'][:120]}" for one in found["violations"] if one["impact"] in {"serious", "critical"}]
+    assert serious == []
+
+
+@pytest.mark.parametrize("kind", ["PNG", "SVG", "CSV"])
+def test_plots_can_be_saved(open_page: Open, kind: str) -> None:
+    window = open_page()
+    window.page.hover("#plane")
+    with window.page.expect_download() as coming:
+        window.page.click(f"#plane .downloads button:has-text('{kind}')")
+    content = coming.value.path().read_bytes()
+    assert {"PNG": b"\x89PNG", "SVG": b"<svg", "CSV": b"curve,kp (deg/(rad/s)),"}[kind] in content[:60]
+    assert len(content) > 1000
