@@ -73,6 +73,18 @@ def test_the_window_chosen_holds_all_or_stops_at_a_large_loop_gain() -> None:
     assert find_window(family_of_model(G1)).kp_high == pytest.approx(100.0 / 12.2163)
 
 
+@pytest.mark.parametrize(("throttle", "load", "kd"), [(52.81, 12.94, 0.0437), (41.61, 9.48, 0.0407)])
+def test_a_window_chosen_ends_where_the_curve_is_complete(throttle: float, load: float, kd: float) -> None:
+    """The region reaches almost as far as the curve: the room about it must not go beyond, or its area cannot be counted."""
+    engine = lee1995()
+    trim = find_trim(engine, inputs={"throttle": throttle, "load_torque": load})
+    region = find_gain_region(family_of_system(linearize(engine, trim).model, kd=kd))
+    assert region.window.kp_high <= region.reach[0]
+    assert region.window.ki_high <= region.reach[1]
+    assert region.area.value > 0.0
+    assert region.bounded
+
+
 def test_a_region_that_leaves_the_window_through_a_gap_is_not_bounded() -> None:
     """The top edge crosses the region just below its highest point, over a hundred-thousandth of the window."""
     whole = find_gain_region(family_of_model(G2D))

@@ -169,7 +169,7 @@ def _in_chosen_window(family: LoopFamily, low: float) -> GainRegion:
 
 
 def _narrowed(found: GainRegion, reach: float) -> Window:
-    """A window that holds a region with room about it, if it is bounded."""
+    """A window that holds a region with room about it, if it is bounded, within that for which the curve is complete."""
     widest, ends = found.window, found.kp_ends()
     if not ends or not found.bounded:
         low = min((low for low, _ in ends), default=0.0)
@@ -177,7 +177,11 @@ def _narrowed(found: GainRegion, reach: float) -> Window:
     gains = np.concatenate((found.kp[found.rim], *ends))
     room = 0.1 * float(np.ptp(gains))
     tallest = float(np.max(found.ki[found.rim], initial=0.0)) or widest.ki_high
-    return Window(kp_low=float(np.min(gains)) - room, kp_high=float(np.max(gains)) + room, ki_high=1.1 * tallest)
+    return Window(
+        kp_low=max(widest.kp_low, float(np.min(gains)) - room),
+        kp_high=min(widest.kp_high, float(np.max(gains)) + room),
+        ki_high=min(widest.ki_high, 1.1 * tallest),
+    )
 
 
 def _in_window(family: LoopFamily, window: Window, curve: GainCurve, reach: tuple[float, float]) -> GainRegion:

@@ -8,6 +8,8 @@ from typing import Any, Final
 import numpy as np
 
 from revline.design.controllers.controller import PidGains
+from revline.design.controllers.pid_controller import PidController
+from revline.design.loops.linear_verdict import judge_linear_system
 from revline.design.regions.gain_region import GainRegion, find_gain_region
 from revline.design.regions.loop_family import family_of_system
 from revline.design.regions.sensitivity_contour import find_sensitivity_contour
@@ -71,8 +73,14 @@ def view_contours(state: State) -> Mapping[str, Any]:
 
 def view_margins(state: State) -> Mapping[str, Any]:
     """Give the margins of the exact loop as `revline margins --json` does."""
-    gains = gains_of(state)
-    return margin_record(_exact_margins(place_of(state), gains.kp, gains.ki, gains.kd), gains)
+    place, gains = place_of(state), gains_of(state)
+    found = _exact_margins(place, gains.kp, gains.ki, gains.kd)
+    record = dict(margin_record(found, gains))
+    if found.stable:
+        return record
+    point = find_point(place)  # a nearest crossover of an unstable loop need not make it stable: count the roots beyond
+    stable_range = judge_linear_system(point.engine, point.trim, PidController(gains=gains)).stable_range
+    return record if stable_range is None else record | {"stable_factors": list(stable_range)}
 
 
 def view_promises(state: State) -> Mapping[str, Any]:

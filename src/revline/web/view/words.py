@@ -42,12 +42,20 @@ def verdict(point: Record, margins: Record, promises: Record, loop: Record) -> s
 
 def _stability(margins: Record) -> str:
     if not margins["stable"]:
-        falls = margins.get("gain_reduction_margin_db")
-        return "unstable" if falls is None or falls >= 0.0 else f"unstable, by a gain {-falls:.1f} dB too high"
+        return _instability(*margins.get("stable_factors", (math.inf, 0.0)))
     rise = margins.get("gain_margin_db")
     if rise is None:
         return f"stable, Ms {margins['ms']:.2f}"
     return f"stable, gain margin {rise:.1f} dB, Ms {margins['ms']:.2f}"
+
+
+def _instability(low: float, high: float) -> str:
+    """By how much the gains are wrong, where one factor mends them."""
+    if high < 1.0 and high > 0.0:
+        return f"unstable, by a gain {-20.0 * math.log10(high):.1f} dB too high"
+    if 1.0 < low < math.inf:
+        return f"unstable, by a gain {20.0 * math.log10(low):.1f} dB too low"
+    return "unstable, which no common factor of the gains mends"
 
 
 def _seen(loop: Record, *, stable: bool) -> str:
