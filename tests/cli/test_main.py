@@ -15,11 +15,11 @@ import revline as package
 from revline import __version__
 from revline.cli import COMMANDS, THREADS, app, main, run, tune_command
 from revline.cli.model_commands import DelayChoice, WeightChoice
-from revline.cli.response_routes import MethodChoice
 from revline.cli.tune_command import ObjectiveChoice
 from revline.design.fitting.fit import DelayRule, Weight
 from revline.design.tuning.fine_tuning import Objective
 from revline.design.tuning.rules import TUNING_RULES
+from revline.studies.response_routes import MethodChoice
 
 from .conftest import Command
 

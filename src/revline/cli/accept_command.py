@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from revline import __version__
-from revline.cli.controllers import HighOption, LowOption, SetpointWeightOption, TimingChoice, read_any_controller, surrounded
+from revline.cli.controllers import HighOption, LowOption, SetpointWeightOption, read_any_controller, surrounded
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, OutOption, QuietOption
 from revline.cli.plots import PlotOption, check_plot, write_plot
 from revline.cli.shell import Facts, Grid, Shell
 from revline.errors import InvalidInputError
+from revline.studies.loop_runs import TimingChoice
 
 if TYPE_CHECKING:
     from revline.design.controllers.scheduled_pid import AnyController

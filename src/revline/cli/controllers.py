@@ -3,19 +3,14 @@
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from revline.errors import InvalidInputError
+from revline.studies.loop_runs import TimingChoice, any_controller, own_limits, throttle_limits
 
 if TYPE_CHECKING:
-    from revline.design.controllers.pid_controller import PidController
     from revline.design.controllers.scheduled_pid import AnyController
-
-PERIOD = 0.005
-"""Seconds between samples where neither the file nor an option says when the controller runs."""
-
 
 SetpointWeightOption = Annotated[
     float | None, typer.Option("--setpoint-weight", metavar="B", help="Weight of the command in the proportional term; else the file's.")
@@ -29,14 +24,6 @@ HighOption = Annotated[
 ]
 
 
-class TimingChoice(NamedTuple):
-    """What --period, --crank-angle and --computation-delay say."""
-
-    period: float | None
-    crank_angle: float | None
-    computation_delay: float
-
-
 def read_any_controller(path: Path, choice: TimingChoice) -> "AnyController":
     """Read a controller file, or one with a gain schedule; one that does not say when it samples does as the options say, with anti-windup.
 
@@ -47,49 +34,9 @@ def read_any_controller(path: Path, choice: TimingChoice) -> "AnyController":
     Raises:
         InvalidInputError: both options are given, or one and the file says itself; or the file is none.
     """
-    from revline.io.controller_files import parse_controller
     from revline.io.json_files import read_json
-    from revline.io.schedule_files import is_schedule, parse_scheduled
 
-    record = read_json(path, "controller file")
-    if not is_schedule(record):
-        return _timed(parse_controller(record).controller, path, choice)
-    found = parse_scheduled(record, designed_on=path.name)
-    return replace(found, controller=_timed(found.controller, path, choice))
-
-
-def _timed(controller: "PidController", path: Path, choice: TimingChoice) -> "PidController":
-    """A file's controller, sampled as it says itself, else as the options say."""
-    from revline.design.controllers.pid_controller import Continuous
-
-    if isinstance(controller.sampling, Continuous):
-        return sample(controller, choice)
-    if choice != TimingChoice(None, None, 0.0):
-        message = f"{path.name} says itself when its controller samples; leave --period, --crank-angle and --computation-delay out"
-        raise InvalidInputError(message)
-    return controller
-
-
-def sample(controller: "PidController", choice: TimingChoice) -> "PidController":
-    """Give a continuous controller the sampling that the options say, and anti-windup where it has none."""
-    from revline.design.controllers.pid_controller import AntiWindup
-    from revline.sampled import CrankSynchronous, FixedRate
-
-    period, angle, computation = choice
-    if period is not None and angle is not None:
-        message = "--period and --crank-angle each say when the controller samples; give one"
-        raise InvalidInputError(message)
-    windup = AntiWindup.CLAMPING if controller.anti_windup is AntiWindup.NONE else controller.anti_windup
-    if angle is not None:
-        return replace(controller, sampling=CrankSynchronous(angle=angle, computation_delay=computation), anti_windup=windup)
-    timer = FixedRate(period=PERIOD if period is None else period, computation_delay=computation)
-    return replace(controller, sampling=timer, anti_windup=windup)
-
-
-def own_limits(controller: "PidController") -> tuple[float | None, float | None]:
-    """Limits that a controller has itself, none where it has none."""
-    low, high = controller.low, controller.high
-    return low if math.isfinite(low) else None, high if math.isfinite(high) else None
+    return any_controller(read_json(path, "controller file"), path.name, choice)
 
 
 def surrounded(
@@ -106,7 +53,6 @@ def surrounded(
     Raises:
         InvalidInputError: a limit is none that the throttle reaches, or the limits or the weight are none.
     """
-    from revline.cli.loop_runs import throttle_limits
     from revline.design.controllers.scheduled_pid import ScheduledController, law_of
 
     law = law_of(controller)

@@ -7,19 +7,12 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from revline import __version__
-from revline.cli.controllers import (
-    HighOption,
-    LowOption,
-    SetpointWeightOption,
-    TimingChoice,
-    own_limits,
-    read_any_controller,
-    surrounded,
-)
+from revline.cli.controllers import HighOption, LowOption, SetpointWeightOption, read_any_controller, surrounded
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, QuietOption
 from revline.cli.plants import EngineChoice, find_engine_trim, refuse_engine
 from revline.cli.shell import Facts, Shell
 from revline.errors import InvalidInputError
+from revline.studies.loop_runs import TimingChoice, own_limits
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -5,11 +5,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from revline.cli.controllers import own_limits
-from revline.cli.loop_runs import throttle_limits
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption, ThrottleOption
 from revline.cli.shell import Facts, Grid, Shell
 from revline.errors import InvalidInputError
+from revline.studies.loop_runs import own_limits, throttle_limits
 
 if TYPE_CHECKING:
     from revline.analysis.trim import Trim

@@ -2,20 +2,15 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
-from revline.cli.controllers import TimingChoice
-from revline.cli.loop_runs import LoopOptions, LoopResult, run_files
+from revline.cli.loop_runs import LoopOptions, run_files
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption
 from revline.cli.plants import EngineChoice
 from revline.cli.shell import Facts, Shell
-from revline.errors import InvalidInputError, out_of_range
-
-if TYPE_CHECKING:
-    from revline.design.loops.closed_loop import LoopTask
-    from revline.design.loops.load_response import LoadStep
+from revline.studies.loop_runs import LoopResult, TimingChoice, load_step_of, loop_task
 
 FilesArgument = Annotated[
     list[Path],
@@ -110,11 +105,11 @@ def loop(
         limits=(low, high),
         timing=TimingChoice(period, crank_angle, computation_delay),
         disturbance=Disturbance(noise=noise, jitter=jitter, seed=seed),
-        load=_load_step(load_step, load_at, until),
+        load=load_step_of(load_step, load_at, until),
         samples=samples,
     )
     with shell.busy("running the loop; the first run of all compiles it, which takes some seconds"):
-        result = run_files(files, _task((step, until, time_step), options.load), options)
+        result = run_files(files, loop_task((step, until, time_step), options.load), options)
     found = result.sampled
     shell.warn(*result.warnings)
     shell.write(out, format_loop(result.run) if found is None else format_sampled_loop(found), "closed-loop record")
@@ -122,28 +117,6 @@ def loop(
         shell.write(samples, format_samples(found), "controller's samples")
     title = f"{result.run.gains.rule} controller on {result.run.plant}"
     shell.show(result.record, Facts(title, _facts(result)), describe_outcome(result.run), text_on=out)
-
-
-def _load_step(size: float | None, at: float | None, until: float) -> "LoadStep | None":
-    from revline.design.loops.load_response import LoadStep
-
-    if size is None:
-        if at is not None:
-            message = "--load-at says when the load steps, and there is no step; give --load-step too"
-            raise InvalidInputError(message)
-        return None
-    when = until / 3.0 if at is None else at
-    if not when < until:
-        raise out_of_range("--load-at", when, "s", f"values below the stop time of {until:g} s", "step the load earlier")
-    return LoadStep(size=size, at=when)
-
-
-def _task(sizes: tuple[float, float, float], load: "LoadStep | None") -> "LoopTask":
-    from revline import signals
-    from revline.design.loops.closed_loop import LoopTask
-
-    loads = () if load is None else (("load_torque", signals.step(load.size, start=load.at)),)
-    return LoopTask(command=sizes[0], until=sizes[1], step=sizes[2], loads=loads)
 
 
 FACTS = (

@@ -4,11 +4,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from revline.cli.loop_runs import throttle_limits
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption, ThrottleOption
 from revline.cli.plots import PlotOption, check_plot, write_plot
 from revline.cli.shell import Facts, Grid, Shell
 from revline.errors import out_of_range
+from revline.studies.loop_runs import throttle_limits
 
 if TYPE_CHECKING:
     from revline.design.two_inputs.mid_ranging_comparison import MidRangingComparison, PlantCase

@@ -7,15 +7,24 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption, ThrottleOption
-from revline.cli.response_routes import CheckChoice, Checked, Found, MethodChoice, Sines, check_response, find_response, place_of
 from revline.cli.shell import Grid, Shell, is_stdout
-from revline.errors import AnalysisError, InvalidInputError, PartialResultError, out_of_range
+from revline.errors import InvalidInputError, out_of_range
+from revline.studies.response_routes import (
+    CheckChoice,
+    Checked,
+    Found,
+    MethodChoice,
+    Sines,
+    check_response,
+    find_response,
+    place_of,
+    require_whole,
+    response_record,
+    usual_check,
+)
 
 if TYPE_CHECKING:
     from revline.lti.response import Floats
-
-SIMULATING = ("peaks", "fourier")
-"""Methods whose answers harmonic balance is compared with by default."""
 
 
 def response(
@@ -63,49 +72,34 @@ def response(
     Ctrl-C, what is finished is written and says that it is partial. The file is what `revline fit` reads. Phases are negative for lag and
     unwrapped from 0 at low frequency. Independent routes to the response are compared; where they disagree the exit status is 1.
     """
+    from revline.io.engine_files import load_engine
+
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "frequency response")
     omega = _read_frequencies(frequencies, frequencies_file)
     sines = _read_sines(time_step, workers, distortion_limit)
-    place = place_of(engine, throttle, load, amplitude, omega)
+    place = place_of(load_engine(engine), throttle, load, amplitude, omega)
     found = find_response(shell, place, method, sines)
-    checked = check_response(shell, place, found, check or ("full" if method in SIMULATING else "quick"), sines)
+    checked = check_response(shell, place, found, check or usual_check(method), sines)
     asked = {"engine": engine, "throttle_deg": throttle, "load_n_m": load, "amplitude_deg": amplitude, "method": method}
     _write_and_show(shell, asked, amplitude, (found, checked), out)
-    _require_whole(found, checked, out)
+    require_whole(found, checked, "" if out is None or is_stdout(out) else str(out))
 
 
 def _write_and_show(shell: Shell, asked: Mapping[str, object], amplitude: float, both: tuple[Found, Checked], out: Path | None) -> None:
     from revline.io.response_files import format_response, response_rows
-    from revline.io.sine_records import sine_fields
 
     found, checked = both
     said = {"partial": found.partial, "disputed": checked.disagreement}
     text = format_response(found.response, amplitude=amplitude, distortion=found.distortion, **said)
     shell.write(out, text, "frequency response")
-    warnings = (*found.notes, *checked.warnings)
-    shell.warn(*warnings)
+    shell.warn(*found.notes, *checked.warnings)
     rows = response_rows(found.response, amplitude=amplitude, distortion=found.distortion)
     header = ("frequency [rad/s]", "amplitude [rad/s]", "phase [deg]", "distortion")[: len(rows[0])]
     title = "{engine} at {throttle_deg:g} +- {amplitude_deg:g} deg, {method}".format_map(asked)
     grid = Grid(title, header, [tuple(row.values()) for row in rows])
-    extra = [{}] * len(rows) if found.answers is None else sine_fields(found.answers)
-    listed = {"frequency_response": [{**row, **more} for row, more in zip(rows, extra, strict=True)]}
-    record = {**asked, **listed, **found.more, **checked.more, "warnings": list(warnings)}
+    record = response_record(asked, amplitude, found, checked)
     shell.show(record, grid, *found.verdict, *checked.lines, text_on=out)
-
-
-def _require_whole(found: Found, checked: Checked, out: Path | None) -> None:
-    """Fail where routes disagree or frequencies are missing, now that everything is shown."""
-    file = None if out is None or is_stdout(out) else out
-    if checked.disagreement:
-        kept = "" if file is None else f"; {file} holds the response and says so"
-        message = f"{checked.disagreement}{kept}; --check none leaves the check out"
-        raise AnalysisError(message)
-    if found.partial:
-        kept = "" if file is None else f"; {file} holds the finished part"
-        message = f"the response is partial: {found.partial}{kept}"
-        raise PartialResultError(message)
 
 
 def _read_sines(time_step: float, workers: int, distortion_limit: float) -> Sines:

@@ -90,10 +90,25 @@ def read_csv_table(path: str | Path) -> CsvTable:
         InvalidInputError: the file cannot be read, is no text, has no header or no rows, mixes separators, or a row has too few or too
             many cells.
     """
-    place = Path(path)
+    return parse_csv_table(_read_text(Path(path)), Path(path))
+
+
+def parse_csv_table(text: str, place: Path) -> CsvTable:
+    """Take the cells from the text of a CSV file, as `read_csv_table` does.
+
+    Args:
+        text: of the file.
+        place: what messages call it.
+
+    Raises:
+        InvalidInputError: see `read_csv_table`.
+    """
+    if "\0" in text:
+        message = f"{place} is a binary file; give a CSV file"
+        raise InvalidInputError(message)
     metadata: dict[str, str] = {}
     table: list[tuple[int, str]] = []
-    for number, line in enumerate(_read_text(place).splitlines(), start=1):
+    for number, line in enumerate(text.splitlines(), start=1):
         if line.startswith("#"):
             metadata.update(_metadata_entry(line))
         elif line.strip(" \t,;"):
@@ -137,9 +152,6 @@ def _read_text(path: Path) -> str:
     except UnicodeDecodeError as problem:
         message = f"{path} is no text in UTF-8 (byte {problem.start}); save it as CSV in UTF-8"
         raise InvalidInputError(message) from problem
-    if "\0" in text:
-        message = f"{path} is a binary file; give a CSV file"
-        raise InvalidInputError(message)
     return text
 
 

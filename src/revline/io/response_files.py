@@ -108,7 +108,20 @@ def read_response(path: str | Path, *, columns: Mapping[str, str] | None = None,
         InvalidInputError: the file cannot be read, a column is missing or there are two for one quantity, a cell is no finite number,
             a frequency is not positive, repeated or out of order, or a magnitude is negative; with file, line and column.
     """
-    table = read_csv_table(path)
+    return parse_response(read_csv_table(path), columns=columns, amplitude=amplitude)
+
+
+def parse_response(table: CsvTable, *, columns: Mapping[str, str] | None = None, amplitude: float | None = None) -> ResponseFile:
+    """Take a frequency response from the cells of a CSV file.
+
+    Args:
+        table: the cells.
+        columns: as for `read_response`.
+        amplitude: as for `read_response`.
+
+    Raises:
+        InvalidInputError: see `read_response`.
+    """
     chosen = {role: _find_quantity(table, role, dict(columns or {})) for role in ("frequency", "magnitude", "phase")} if columns else None
     rectangular = chosen is None and {"gain_real", "gain_imag"} <= set(table.header)
     quantities = chosen or {role: _find_quantity(table, role, {}) for role in ("frequency", "magnitude", "phase")}

@@ -1,11 +1,11 @@
-"""Routes to an engine's frequency response for the command response: each read from its options, found, and checked against the others."""
+"""Routes to an engine's frequency response as one question asks for it: found by one route, checked against the others, and told."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Literal, NamedTuple, cast
+from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol, cast
 
-from revline.cli.shell import Shell
-from revline.errors import AnalysisError
+from revline.errors import AnalysisError, PartialResultError
 
 if TYPE_CHECKING:
     from revline.analysis.balance_attempts import PartialBalance
@@ -20,6 +20,16 @@ if TYPE_CHECKING:
 
 MethodChoice = Literal["peaks", "fourier", "harmonic-balance", "exact"]
 CheckChoice = Literal["full", "quick", "none"]
+
+SIMULATING = ("peaks", "fourier")
+"""Methods whose answers harmonic balance is compared with by default."""
+
+
+class Shell(Protocol):
+    """Who is told how far a long computation is."""
+
+    def progress(self, text: str) -> AbstractContextManager[Callable[[float], None]]:
+        """Give what is told which part is done, 0 to 1."""
 
 
 class Place(NamedTuple):
@@ -64,14 +74,12 @@ class Checked(NamedTuple):
     disagreement: str = ""
 
 
-def place_of(engine: str, throttle: float, load: float, amplitude: float, omega: "Floats") -> Place:
+def place_of(system: "DelaySystem", throttle: float, load: float, amplitude: float, omega: "Floats") -> Place:
     """Find the trim, and what is moved there."""
     from revline.analysis.periodic import Excitation
     from revline.analysis.trim import find_trim
-    from revline.io.engine_files import load_engine
 
     excitation = Excitation(input_name="throttle", output_name="engine_speed", amplitude=amplitude)
-    system = load_engine(engine)
     return Place(system, find_trim(system, inputs={"throttle": throttle, "load_torque": load}), excitation, omega)
 
 
@@ -82,6 +90,51 @@ def find_response(shell: Shell, place: Place, method: MethodChoice, sines: Sines
     if method == "harmonic-balance":
         return _balanced(shell, place, sines)
     return _simulated(shell, place, method, sines)
+
+
+def usual_check(method: MethodChoice) -> CheckChoice:
+    """How deep a response is checked where nothing else is asked for."""
+    return "full" if method in SIMULATING else "quick"
+
+
+def response_record(asked: Mapping[str, object], amplitude: float, found: Found, checked: Checked) -> Mapping[str, object]:
+    """Give a response as a record.
+
+    Args:
+        asked: what was asked for, which begins the record.
+        amplitude: of the throttle, in deg.
+        found: the response.
+        checked: what other routes say of it.
+    """
+    from revline.io.response_files import response_rows
+    from revline.io.sine_records import sine_fields
+
+    rows = response_rows(found.response, amplitude=amplitude, distortion=found.distortion)
+    extra = [{}] * len(rows) if found.answers is None else sine_fields(found.answers)
+    listed = {"frequency_response": [{**row, **more} for row, more in zip(rows, extra, strict=True)]}
+    return {**asked, **listed, **found.more, **checked.more, "warnings": [*found.notes, *checked.warnings]}
+
+
+def require_whole(found: Found, checked: Checked, kept: str = "") -> None:
+    """Refuse a response that another route contradicts, or of which frequencies are missing.
+
+    Args:
+        found: the response.
+        checked: what other routes say of it.
+        kept: the file that holds what there is, if any.
+
+    Raises:
+        AnalysisError: another route contradicts it.
+        PartialResultError: frequencies are missing.
+    """
+    if checked.disagreement:
+        held = f"; {kept} holds the response and says so" if kept else ""
+        message = f"{checked.disagreement}{held}; --check none leaves the check out"
+        raise AnalysisError(message)
+    if found.partial:
+        held = f"; {kept} holds the finished part" if kept else ""
+        message = f"the response is partial: {found.partial}{held}"
+        raise PartialResultError(message)
 
 
 def check_response(shell: Shell, place: Place, found: Found, depth: CheckChoice, sines: Sines) -> Checked:
