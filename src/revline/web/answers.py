@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from http import HTTPStatus
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
@@ -9,6 +10,7 @@ from typing import Any, Final, NamedTuple
 from revline.errors import InvalidInputError, RevlineError
 from revline.io.engine_files import format_engine
 from revline.io.json_files import format_compact_json
+from revline.web.asked.registry import ASKED, find_record
 from revline.web.parameters import changed_engine, list_parameters
 from revline.web.problems import problem_of
 from revline.web.state import parse_state
@@ -50,12 +52,18 @@ def answer_parameters(entries: Mapping[str, Any]) -> Answer:
     return _as_json(list_parameters(str(entries.get("engine", "lee1995"))))
 
 
+def answer_asked(name: str, entries: Mapping[str, Any]) -> Answer:
+    """Answer a question of the command line's."""
+    return _as_json(find_record(name, entries))
+
+
 QUESTIONS: Final[Mapping[str, Callable[[Mapping[str, Any]], Answer]]] = MappingProxyType(
     {
         "view": answer_view,
         "study-file": answer_study_file,
         "engine-file": answer_engine_file,
         "parameters": answer_parameters,
+        **{name: partial(answer_asked, name) for name in ASKED},
     }
 )
 """What can be asked."""
