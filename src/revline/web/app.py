@@ -21,8 +21,10 @@ from revline import __version__
 from revline.errors import RevlineError
 from revline.io.json_files import format_compact_json
 from revline.web.answers import LIVE, Answer, answer, answer_parts
+from revline.web.asked.registry import ASKED
 from revline.web.parameters import list_parameters
 from revline.web.problems import CONTENT_TYPE, make_problem, problem_of
+from revline.web.questions import Question
 from revline.web.security import App, Guard, Rules
 from revline.web.state import State, as_input_error
 from revline.web.turns import SupersededError, Turns
@@ -151,7 +153,20 @@ def _api() -> APIRouter:
 
     for name, summary in (("study-file", "A study file of a state"), ("engine-file", "An engine file of a state's engine")):
         routes.add_api_route(f"/{name}", _file_route(name), methods=["POST"], summary=summary, response_model=None)
+    for name, entry in ASKED.items():
+        routes.add_api_route(f"/{name}", _question_route(name, entry.kind), methods=["POST"], summary=entry.summary, response_model=None)
     return routes
+
+
+def _question_route(name: str, kind: type[Question]) -> Callable[..., Any]:
+    async def route(request: Request, asked: Any) -> Response:
+        desk: Desk = request.app.state.desk
+        found: Answer = await desk.workers.ask(answer, name, format_compact_json(asked.model_dump(exclude_unset=True)).encode())
+        return Response(found.body, status_code=found.status, media_type=found.kind)
+
+    route.__annotations__["asked"] = kind
+    route.__name__ = name.replace("-", "_")
+    return route
 
 
 def _file_route(name: str) -> Callable[..., Any]:
