@@ -65,7 +65,7 @@ const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[
       id: "magnitude",
       title: "Magnitude",
       x: frequency,
-      y: { label: "speed per throttle", unit: "dB" },
+      y: { label: "gain", unit: "dB" },
     }),
     draw: () => drawBode(found, "magnitude_db"),
     parts: ["response", "models"],
@@ -95,7 +95,7 @@ const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[
       id: "errors",
       title: "Phase errors",
       x: frequency,
-      y: { label: "model less engine", unit: "deg" },
+      y: { label: "error", unit: "deg" },
     }),
     draw: () => drawErrors(found),
     parts: ["models"],
@@ -183,7 +183,8 @@ const follower = new Follower<State, Found>(
   (answer, asked) => {
     for (const part of SLOW) {
       // What no longer belongs to this state must not be shown with it.
-      if (part !== "map" && slowKeys.get(part) !== keyOf(part, asked)) delete found[part];
+      const old = slowKeys.get(part) !== keyOf(part, asked);
+      if (old && (part !== "map" || isProblem(found.map))) delete found[part];
     }
     found = { ...found, ...answer };
     shown = asked;

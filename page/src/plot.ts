@@ -87,11 +87,15 @@ export class Plot {
           const key = document.createElementNS("http://www.w3.org/2000/svg", "svg");
           key.setAttribute("viewBox", "0 0 18 8");
           key.setAttribute("aria-hidden", "true");
-          const shape = document.createElementNS("http://www.w3.org/2000/svg", line.marker ? "circle" : "line");
-          const sizes: Record<string, number> = line.marker ? { cx: 9, cy: 4, r: 3 } : { x1: 0, x2: 18, y1: 4, y2: 4 };
-          for (const [name, size] of Object.entries(sizes)) shape.setAttribute(name, String(size));
+          const shape = document.createElementNS("http://www.w3.org/2000/svg", line.marker ? "path" : "line");
+          const round = "M6 4a3 3 0 1 0 6 0a3 3 0 1 0 -6 0";
+          const form = { dot: round, ring: round, cross: "M6 1l6 6M6 7l6 -6" };
+          const sizes: Record<string, string> = line.marker
+            ? { d: form[line.marker] }
+            : { x1: "0", x2: "18", y1: "4", y2: "4" };
+          for (const [name, size] of Object.entries(sizes)) shape.setAttribute(name, size);
           shape.setAttribute("stroke", line.color);
-          shape.setAttribute("stroke-width", "2");
+          shape.setAttribute("stroke-width", "1.6");
           shape.setAttribute("fill", line.marker === "dot" ? line.color : "none");
           if (line.dash) shape.setAttribute("stroke-dasharray", line.dash.map((d) => d / 1.5).join(" "));
           key.append(shape);
