@@ -8,7 +8,7 @@ PAGE_SOURCES := $(shell find page -type f -not -path 'page/node_modules/*' -not 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 $(if $(SIDE_BY_SIDE),,.NOTPARALLEL:)
-PHONY_PAGE := page workbench wheel page-check
+PHONY_PAGE := page workbench wheel page-check screenshots
 .PHONY: $(PHONY_PAGE) help study test check style types architecture docs acceptance bench lock clean
 
 help: ## Show these commands.
@@ -51,6 +51,9 @@ architecture: .venv/.dev ## Check the layers.
 
 page-check: .venv/.dev $(PAGE) ## Check format, types and units of the page's sources.
 	@sh scripts/build_page.sh check
+
+screenshots: .venv/.dev $(PAGE) ## Take pictures of the workbench in its main states, into ./out/screenshots.
+	$(BIN)/python docs/take_screenshots.py $(OUT)/screenshots
 
 docs: .venv/.dev ## Build the documentation into docs/_build/html.
 	$(BIN)/python -m sphinx -n -W --keep-going -q -b html docs docs/_build/html

@@ -17,7 +17,24 @@ interface Spec {
 }
 
 const POINT: Spec[] = [
-  { key: "throttle_deg", label: "Throttle", unit: "deg", low: 4, high: 80, step: 0.1 },
+  {
+    key: "throttle_deg",
+    label: "Throttle",
+    unit: "deg",
+    low: 4,
+    high: 80,
+    step: 0.1,
+    hidden: (s) => s.speed_rad_s !== undefined,
+  },
+  {
+    key: "speed_rad_s",
+    label: "Speed",
+    unit: "rad/s",
+    low: 20,
+    high: 800,
+    step: 1,
+    hidden: (s) => s.speed_rad_s === undefined,
+  },
   { key: "load_n_m", label: "Load", unit: "N m", low: -10, high: 80, step: 0.5 },
   { key: "amplitude_deg", label: "Amplitude", unit: "deg", low: 0.1, high: 20, step: 0.1 },
 ];
@@ -101,6 +118,7 @@ export class Controls {
   ) {
     form.addEventListener("submit", (event) => event.preventDefault());
     const point = this.group("Operating point");
+    point.append(this.known());
     for (const spec of POINT) point.append(this.number(spec));
     const gains = this.group("Controller");
     gains.append(this.presets());
@@ -111,6 +129,8 @@ export class Controls {
     store.subscribe((state) => this.update(state));
   }
 
+  /** The operating point found last. */
+  point: { throttle_deg: number; speed_rad_s: number } | undefined;
   private readonly presetBox = document.createElement("p");
 
   update(state: State): void {
@@ -282,6 +302,37 @@ export class Controls {
     this.faults.set(key, fault);
     row.append(text, field, units, slider, fault);
     return { row, slider, field };
+  }
+
+  /** The choice between a throttle angle and a speed; the other one of the same point takes its place. */
+  private known(): HTMLElement {
+    const row = document.createElement("p");
+    row.className = "kinds";
+    const kinds: [string, boolean][] = [
+      ["throttle", false],
+      ["speed", true],
+    ];
+    for (const [text, speed] of kinds) {
+      const label = document.createElement("label");
+      const input = document.createElement("input");
+      input.type = "radio";
+      input.name = "known";
+      input.value = text;
+      input.addEventListener("change", () => {
+        const { throttle_deg = DEFAULTS.throttle_deg ?? 25, speed_rad_s = 240 } = this.point ?? {};
+        if (speed) this.store.set({ speed_rad_s: Number(speed_rad_s.toFixed(1)) });
+        else this.store.set({ throttle_deg: Number(throttle_deg.toFixed(1)) });
+      });
+      label.append(input, `by ${text}`);
+      row.append(label);
+      this.rows.push({
+        element: label,
+        update: (state) => {
+          input.checked = (state.speed_rad_s !== undefined) === speed;
+        },
+      });
+    }
+    return row;
   }
 
   private kinds(): HTMLElement {

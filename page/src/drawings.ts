@@ -123,27 +123,38 @@ export function drawBode(found: Found, which: "magnitude_db" | "phase_deg"): Dra
   };
 }
 
-export function drawErrors(found: Found): Drawing | undefined {
+export function drawErrors(found: Found, which: "magnitude_db" | "phase_deg"): Drawing | undefined {
   const models = whole(found.models);
   if (!models) return undefined;
+  const unit = which === "phase_deg" ? "deg" : "dB";
   const lines: Line[] = [];
   const sizes: number[] = [0];
   const texts: string[] = [];
   for (const name of MODELS) {
     const errors = models[name]?.errors;
     if (!errors) continue;
-    lines.push(model(name, errors.frequency_rad_s, errors.phase_deg));
-    sizes.push(...errors.phase_deg);
-    texts.push(`${NAMES[name]} ${Math.max(...errors.phase_deg.map(Math.abs)).toFixed(1)} deg`);
+    lines.push(model(name, errors.frequency_rad_s, errors[which]));
+    sizes.push(...errors[which]);
+    texts.push(`${NAMES[name]} ${Math.max(...errors[which].map(Math.abs)).toFixed(1)} ${unit}`);
   }
+  return { lines, x: [0.1, 200], y: rangeOf(sizes, 1), summary: `largest errors: ${texts.join(", ")}` };
+}
+
+export function drawDistortion(found: Found): Drawing | undefined {
   const response = whole(found.response);
   const balance = response && whole(response.harmonic_balance);
-  if (balance) {
-    const percent = balance.distortion.map((d) => 100 * d);
-    lines.push({ label: "distortion (%)", color: COLORS.balance, x: balance.frequency_rad_s, y: percent, width: 1.2 });
-    sizes.push(...percent);
+  if (!balance) return undefined;
+  const percent = balance.distortion.map((share) => 100 * share);
+  const most = Math.max(0, ...percent);
+  const lines: Line[] = [
+    { label: "harmonic balance", color: COLORS.balance, x: balance.frequency_rad_s, y: percent, width: 2 },
+  ];
+  const peaks = whole(found.peaks);
+  if (peaks) {
+    const read = peaks.distortion.map((share) => 100 * share);
+    lines.push({ label: "peaks", color: COLORS.peaks, x: peaks.frequency_rad_s, y: read, marker: "cross", width: 3 });
   }
-  return { lines, x: [0.1, 200], y: rangeOf(sizes, 10), summary: `largest phase errors: ${texts.join(", ")}` };
+  return { lines, x: [0.1, 200], y: [0, Math.max(0.1, 1.1 * most)], summary: `at most ${most.toFixed(2)} %` };
 }
 
 export function drawRoots(found: Found): Drawing | undefined {

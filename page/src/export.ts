@@ -23,8 +23,8 @@ export function ticks(low: number, high: number, log: boolean, about = 6): numbe
   return found;
 }
 
-export function showNumber(value: number): string {
-  return String(Number(value.toPrecision(6)));
+export function showNumber(value: number, digits = 6): string {
+  return String(Number(value.toPrecision(digits)));
 }
 
 /** Draw the curves as a picture of its own: white ground, axes with units, a legend beside the curves. */
@@ -100,7 +100,7 @@ export function csvOf(x: Axis, y: Axis, drawing: Drawing): string {
   return `${rows.join("\n")}\n`;
 }
 
-function unitText(axis: Axis): string {
+export function unitText(axis: Axis): string {
   return axis.unit === "" ? axis.label : `${axis.label} (${axis.unit})`;
 }
 

@@ -15,7 +15,7 @@ import {
   Refused,
 } from "./api";
 import { Controls, type Parameter } from "./controls";
-import { drawBode, drawErrors, drawMap, drawPlane, drawRoots, drawTime, type Named } from "./drawings";
+import { drawBode, drawDistortion, drawErrors, drawMap, drawPlane, drawRoots, drawTime, type Named } from "./drawings";
 import { Numbers } from "./numbers";
 import { type Drawing, Plot, save } from "./plot";
 import { DEFAULTS, fromAddress, type State, same, toAddress } from "./state";
@@ -23,7 +23,7 @@ import { Store } from "./store";
 import { Tour } from "./tour";
 
 const REST = 250;
-const SLOW: PartName[] = ["map", "peaks", "contours", "cycle"];
+const SLOW: PartName[] = ["peaks", "contours", "cycle"];
 
 const need = <T extends HTMLElement = HTMLElement>(id: string): T => {
   const element = document.getElementById(id);
@@ -41,6 +41,17 @@ const banner = need("banner");
 let controllers: (Named & { what: string })[] = [];
 let found: Found = {};
 let shown: State | undefined;
+
+declare global {
+  interface Window {
+    /** For whoever looks at the page from outside: what it shows, as values. */
+    workbench: { state: () => State; csv: (plot: string) => string };
+  }
+}
+window.workbench = {
+  state: () => store.state,
+  csv: (name) => plots.find(({ plot }) => plot.options.id === name)?.plot.csv() ?? "",
+};
 
 const frequency = { label: "frequency", unit: "rad/s", log: true };
 const seconds = { label: "time", unit: "s" };
@@ -65,7 +76,7 @@ const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[
       id: "magnitude",
       title: "Magnitude",
       x: frequency,
-      y: { label: "gain", unit: "dB" },
+      y: { label: "speed per throttle", unit: "dB" },
     }),
     draw: () => drawBode(found, "magnitude_db"),
     parts: ["response", "models"],
@@ -92,13 +103,33 @@ const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[
   },
   {
     plot: new Plot({
-      id: "errors",
+      id: "magnitude-error",
+      title: "Magnitude errors",
+      x: frequency,
+      y: { label: "model − engine", unit: "dB" },
+    }),
+    draw: () => drawErrors(found, "magnitude_db"),
+    parts: ["models"],
+  },
+  {
+    plot: new Plot({
+      id: "phase-error",
       title: "Phase errors",
       x: frequency,
-      y: { label: "error", unit: "deg" },
+      y: { label: "model − engine", unit: "deg" },
     }),
-    draw: () => drawErrors(found),
+    draw: () => drawErrors(found, "phase_deg"),
     parts: ["models"],
+  },
+  {
+    plot: new Plot({
+      id: "distortion",
+      title: "Distortion",
+      x: frequency,
+      y: { label: "harmonics", unit: "% of fundamental" },
+    }),
+    draw: () => drawDistortion(found),
+    parts: ["response"],
   },
   {
     plot: new Plot({
@@ -153,6 +184,11 @@ function keyOf(part: PartName, state: State): string {
   return part === "peaks" ? JSON.stringify([point, state.amplitude_deg]) : toAddress(state);
 }
 
+/** What the page waits for, for whoever looks at it from outside: tests, and programs that take pictures. */
+function report(view: "busy" | "drawn" | "settled"): void {
+  document.documentElement.dataset.view = view;
+}
+
 const slowKeys = new Map<PartName, string>();
 const slowFollower = new Follower<{ state: State; parts: PartName[] }, Found>(
   ({ state, parts }) => fetchView(state, parts, "slow"),
@@ -161,7 +197,7 @@ const slowFollower = new Follower<{ state: State; parts: PartName[] }, Found>(
     for (const part of asked.parts) slowKeys.set(part, keyOf(part, asked.state));
     found = { ...found, ...answer };
     redraw();
-    document.dispatchEvent(new CustomEvent("revline:settled"));
+    if (shown && same(shown, store.state)) report("settled");
   },
   (error) => lost(error),
 );
@@ -174,27 +210,29 @@ function askSlow(): void {
     const hunts = found.loop && !isProblem(found.loop) && found.loop.outcome === "limit-cycle";
     const parts = SLOW.filter((part) => slowKeys.get(part) !== keyOf(part, state) && (part !== "cycle" || hunts));
     if (parts.length > 0) slowFollower.follow({ state, parts });
-    else document.dispatchEvent(new CustomEvent("revline:settled"));
+    else report("settled");
   }, REST);
 }
 
 const follower = new Follower<State, Found>(
-  (state) => fetchView(state, LIVE),
+  (state) => fetchView(state, slowKeys.get("map") === keyOf("map", state) ? LIVE : [...LIVE, "map"]),
   (answer, asked) => {
     for (const part of SLOW) {
       // What no longer belongs to this state must not be shown with it.
-      const old = slowKeys.get(part) !== keyOf(part, asked);
-      if (old && (part !== "map" || isProblem(found.map))) delete found[part];
+      if (slowKeys.get(part) !== keyOf(part, asked)) delete found[part];
     }
+    if (answer.map) slowKeys.set("map", keyOf("map", asked));
     found = { ...found, ...answer };
     shown = asked;
     banner.hidden = read.faults.length === 0;
     verdict.textContent = answer.words?.verdict ?? "";
     verdict.className = toneOf(answer);
+    if (found.point && !isProblem(found.point)) controls.point = found.point;
     tellProblems();
     redraw();
-    document.dispatchEvent(new CustomEvent("revline:drawn", { detail: { state: asked } }));
-    if (same(asked, store.state)) askSlow();
+    if (!same(asked, store.state)) return;
+    report("drawn");
+    askSlow();
   },
   (error) => lost(error),
 );
@@ -214,6 +252,10 @@ function lost(error: unknown): void {
     controls.tell(new Map([[error.problem.control ?? "", error.problem.detail]]));
     if (!controls.knows(error.problem.control ?? "")) say(error.problem.detail);
     for (const { plot } of plots) plot.grey();
+    verdict.textContent = "no view: see the problem at its control";
+    verdict.className = "bad";
+    shown = undefined;
+    report("settled");
     return;
   }
   if (!(error instanceof Lost)) throw error;
@@ -256,7 +298,11 @@ store.subscribe((state) => {
   undo.disabled = !store.canUndo;
   redo.disabled = !store.canRedo;
   history.replaceState(null, "", toAddress(state) || location.pathname);
-  if (!shown || !same(shown, state)) follower.follow(state);
+  if (follower.busy || !shown || !same(shown, state)) {
+    clearTimeout(resting);
+    report("busy");
+    follower.follow(state);
+  }
 });
 undo.addEventListener("click", () => store.undo());
 redo.addEventListener("click", () => store.redo());
@@ -308,6 +354,23 @@ function setTheme(on: boolean): void {
 }
 theme.addEventListener("click", () => setTheme(document.documentElement.dataset.theme !== "dark"));
 setTheme(dark.matches);
+
+/** Three plots that take turns in one place. */
+function takeTurns(names: readonly string[], first: string): void {
+  const turning = plots.map(({ plot }) => plot).filter((plot) => names.includes(plot.options.id));
+  const show = (name: string) => {
+    for (const plot of turning) plot.figure.hidden = plot.options.id !== name;
+  };
+  for (const plot of turning) {
+    const choices = turning.map(({ options }): [string, string] => [options.id, options.title]);
+    plot.offer(choices, (name) => {
+      show(name);
+      document.querySelector<HTMLSelectElement>(`#${name} select`)?.focus();
+    });
+  }
+  show(first);
+}
+takeTurns(["magnitude-error", "phase-error", "distortion"], "phase-error");
 
 need("plots").append(...plots.map(({ plot }) => plot.figure), numbers.figure);
 if (read.faults.length > 0) say(read.faults.join("; "));

@@ -1,7 +1,9 @@
 /** A plot: axes by uPlot, any curves over them, a readout, and what was drawn for downloads. */
 
 import uPlot from "uplot";
-import { csvOf, svgOf } from "./export";
+import { csvOf, showNumber, svgOf } from "./export";
+import { readingsOf } from "./readings";
+import { showTable } from "./table";
 
 export interface Line {
   label: string;
@@ -43,6 +45,8 @@ export interface PlotOptions {
   hint?: string;
 }
 
+const RING = "M6 4a3 3 0 1 0 6 0a3 3 0 1 0 -6 0";
+
 const EMPTY: Drawing = { lines: [], x: [1, 2], y: [1, 2], summary: "nothing yet" };
 
 export function axisText(axis: Axis): string {
@@ -54,6 +58,7 @@ export class Plot {
   private readonly frame = document.createElement("div");
   private readonly legend = document.createElement("ul");
   private readonly readout = document.createElement("output");
+  private readonly tip = document.createElement("div");
   private readonly summary = document.createElement("p");
   private chart: uPlot | undefined;
   private drawing = EMPTY;
@@ -67,9 +72,12 @@ export class Plot {
     title.textContent = options.title;
     caption.append(title, readout, this.downloads());
     frame.className = "frame";
+    this.tip.className = "tip";
+    this.tip.hidden = true;
     legend.className = "legend";
     summary.className = "unseen";
-    figure.append(caption, frame, legend, summary);
+    frame.setAttribute("aria-hidden", "true"); // the text below says what the picture shows
+    figure.append(caption, frame, this.tip, legend, summary);
     if (options.hint) frame.title = options.hint;
     new ResizeObserver(() => this.fit()).observe(frame);
   }
@@ -87,15 +95,11 @@ export class Plot {
           const key = document.createElementNS("http://www.w3.org/2000/svg", "svg");
           key.setAttribute("viewBox", "0 0 18 8");
           key.setAttribute("aria-hidden", "true");
-          const shape = document.createElementNS("http://www.w3.org/2000/svg", line.marker ? "path" : "line");
-          const round = "M6 4a3 3 0 1 0 6 0a3 3 0 1 0 -6 0";
-          const form = { dot: round, ring: round, cross: "M6 1l6 6M6 7l6 -6" };
-          const sizes: Record<string, string> = line.marker
-            ? { d: form[line.marker] }
-            : { x1: "0", x2: "18", y1: "4", y2: "4" };
-          for (const [name, size] of Object.entries(sizes)) shape.setAttribute(name, size);
+          const shape = document.createElementNS("http://www.w3.org/2000/svg", "path");
+          const paths = { cross: "M6 1l6 6m0 -6l-6 6", ring: RING, dot: RING, line: "M0 4h18" };
+          shape.setAttribute("d", paths[line.marker ?? "line"]);
           shape.setAttribute("stroke", line.color);
-          shape.setAttribute("stroke-width", "1.6");
+          shape.setAttribute("stroke-width", "2");
           shape.setAttribute("fill", line.marker === "dot" ? line.color : "none");
           if (line.dash) shape.setAttribute("stroke-dasharray", line.dash.map((d) => d / 1.5).join(" "));
           key.append(shape);
@@ -116,6 +120,25 @@ export class Plot {
     this.chart?.destroy();
     this.chart = undefined;
     this.fit();
+  }
+
+  /** Let another plot be chosen in this one's place. */
+  offer(choices: readonly [string, string][], choose: (id: string) => void): void {
+    const select = document.createElement("select");
+    select.setAttribute("aria-label", "Which plot stands here");
+    for (const [id, title] of choices) select.append(new Option(title, id, false, id === this.options.id));
+    select.addEventListener("change", () => {
+      choose(select.value);
+      select.value = this.options.id;
+    });
+    const heading = this.figure.querySelector("h2");
+    heading?.classList.add("unseen");
+    heading?.after(select);
+  }
+
+  /** What is drawn, as a table. */
+  csv(): string {
+    return csvOf(this.options.x, this.options.y, this.drawing);
   }
 
   private fit(): void {
@@ -187,11 +210,28 @@ export class Plot {
     const { left, top } = chart.cursor;
     if (left === undefined || top === undefined || left < 0) {
       this.readout.textContent = "";
+      this.tip.hidden = true;
       return;
     }
     const { x, y } = this.options;
-    const at = [chart.posToVal(left, "x"), chart.posToVal(top, "y")].map((v) => Number(v.toPrecision(4)));
-    this.readout.textContent = `${at[0]} ${x.unit}, ${at[1]} ${y.unit}`;
+    const at = [chart.posToVal(left, "x"), chart.posToVal(top, "y")] as const;
+    const near = (line: Line) =>
+      line.x.findIndex((value, k) => {
+        const across = chart.valToPos(value, "x") - left;
+        return Math.hypot(across, chart.valToPos(line.y[k] ?? Number.NaN, "y") - top) < 10;
+      });
+    const readings = readingsOf(this.drawing.lines, at[0], near);
+    const units = x.unit === y.unit ? x.unit : `${x.unit}, ${y.unit}`;
+    this.readout.textContent = `${showNumber(at[0], 4)}, ${showNumber(at[1], 4)} ${units}`;
+    this.tip.replaceChildren(
+      ...readings.map(({ label, text, color }) => {
+        const line = Object.assign(document.createElement("div"), { textContent: `${label}: ${text}` });
+        line.style.borderLeftColor = color;
+        return line;
+      }),
+    );
+    this.tip.hidden = readings.length === 0;
+    this.tip.classList.toggle("at-left", left > chart.over.clientWidth / 2);
   }
 
   private listen(chart: uPlot): void {
@@ -219,10 +259,16 @@ export class Plot {
     const menu = document.createElement("span");
     menu.className = "downloads";
     const { id, title, x, y } = this.options;
+    const table = document.createElement("button");
+    table.type = "button";
+    table.textContent = "Table";
+    table.setAttribute("aria-label", `Show ${title} as a table`);
+    table.addEventListener("click", () => showTable(title, x, y, this.drawing));
+    menu.append(table);
     const kinds: [string, () => Promise<Blob> | Blob][] = [
       ["PNG", () => this.png()],
       ["SVG", () => new Blob([svgOf(title, x, y, this.drawing)], { type: "image/svg+xml" })],
-      ["CSV", () => new Blob([csvOf(x, y, this.drawing)], { type: "text/csv" })],
+      ["CSV", () => new Blob([this.csv()], { type: "text/csv" })],
     ];
     for (const [kind, make] of kinds) {
       const button = document.createElement("button");

@@ -30,13 +30,13 @@ export const STOPS: readonly Stop[] = [
   {
     title: "The frequency response",
     text: "Sinusoids on the throttle, 5 deg about 25 deg. Harmonic balance answers on the nonlinear engine, with its distortion; the exact linear model, delay included, lies on top of it. The phase falls without end: that is the delay.",
-    look: ["magnitude", "phase", "errors"],
+    look: ["magnitude", "phase", "phase-error"],
     state: { ...C2D },
   },
   {
     title: "One lag is a poor model",
     text: "The first-order model meets the magnitude at low frequency and misses the phase. A controller designed on it, C1, settles on its model with 7.7 % overshoot: the dotted line in the answer in time.",
-    look: ["phase", "errors", "speed"],
+    look: ["phase", "phase-error", "speed"],
     state: { ...C1, command_rad_s: 60 },
   },
   {

@@ -1,0 +1,111 @@
+"""Take pictures of the workbench's page in its main states, to be looked at.
+
+Usage: python docs/take_screenshots.py [FOLDER], from the project's root, once the page is built; a browser must be on this machine.
+"""
+
+import contextlib
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Final
+
+from playwright.sync_api import Browser, Page, sync_playwright
+
+SETTLED: Final = "html[data-view=settled]"
+SCREEN: Final = (1280, 720)
+TABLET: Final = (820, 1180)
+
+
+@contextlib.contextmanager
+def serving() -> Iterator[str]:
+    """Run `revline serve` on a free port, and give its address."""
+    command = [str(Path(sys.executable).with_name("revline")), "serve", "--port", "0", "--no-browser"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:  # noqa: S603 - our own program
+        try:
+            first = server.stdout.readline() if server.stdout else ""
+            found = re.search(r"https?://\S+", first)
+            if found is None:
+                message = f"the server did not say where it is, but {first!r}"
+                raise RuntimeError(message)
+            yield found[0]
+        finally:
+            server.terminate()
+
+
+def settle(page: Page) -> None:
+    """Wait until nothing more is asked for."""
+    page.wait_for_selector(SETTLED, timeout=60_000)
+    page.wait_for_timeout(200)
+
+
+def take_tour(page: Page) -> None:
+    """Go to the fifth step of the tour: C1 hunts."""
+    page.click("#tour")
+    for _ in range(4):
+        page.click("#guide button:has-text('Next')")
+    settle(page)
+
+
+def show_own_data(page: Page) -> None:
+    """Give the page a frequency response of its own."""
+    rows = "\n".join(
+        f"{w},{12 / (1 + (0.56 * w) ** 2) ** 0.5},{-57.3 * (0.0214 * w) - 30 * w**0.5}" for w in (0.1, 0.3, 1, 2, 4, 8, 15, 30, 60)
+    )
+    data = f"frequency_rad_s,amplitude_rad_s,phase_deg\n{rows}\n".encode()
+    page.set_input_files("#file", {"name": "measured.csv", "mimeType": "text/csv", "buffer": data})
+    page.wait_for_timeout(2500)
+
+
+def show_jobs(page: Page) -> None:
+    """Start a study, and look at it run."""
+    page.click("#jobs-open")
+    page.click("#jobs button:has-text('study')")
+    page.wait_for_timeout(3000)
+
+
+SCENES: Final[tuple[tuple[str, tuple[int, int], str, bool, Callable[[Page], None] | None], ...]] = (
+    ("default", SCREEN, "", False, None),
+    ("hunting", SCREEN, "#v=1&kp=2.153&ki=16.85&kd=0&command_rad_s=60", False, None),
+    ("dark", SCREEN, "", True, None),
+    ("tablet", TABLET, "", False, None),
+    ("problem", SCREEN, "#v=1&throttle_deg=25&load_n_m=500", False, None),
+    ("tour", SCREEN, "", False, take_tour),
+    ("own-data", SCREEN, "", False, show_own_data),
+    ("jobs", SCREEN, "", False, show_jobs),
+)
+
+
+def take(browser: Browser, address: str, folder: Path, wanted: tuple[str, ...]) -> None:
+    """Take each scene in a page of its own."""
+    for name, (width, height), fragment, dark, act in SCENES:
+        if wanted and name not in wanted:
+            continue
+        page = browser.new_page(viewport={"width": width, "height": height}, color_scheme="dark" if dark else "light")
+        page.goto(address + fragment)
+        settle(page)
+        if act is not None:
+            act(page)
+        page.screenshot(path=str(folder / f"{name}.png"))
+        page.close()
+
+
+def main() -> None:
+    """Take all pictures, or those named after the folder."""
+    folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/screenshots")
+    folder.mkdir(parents=True, exist_ok=True)
+    program = next((found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None)
+    if program is None:
+        raise SystemExit("there is no chromium on this machine")
+    options = ["--no-sandbox"] if os.geteuid() == 0 else []
+    with serving() as address, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=program, args=options)
+        take(browser, address, folder, tuple(sys.argv[2:]))
+        browser.close()
+
+
+if __name__ == "__main__":
+    main()
