@@ -201,7 +201,7 @@ const slowFollower = new Follower<{ state: State; parts: PartName[] }, Found>(
     for (const part of asked.parts) slowKeys.set(part, keyOf(part, asked.state));
     found = { ...found, ...answer };
     redraw();
-    report("settled");
+    if (shown && same(shown, store.state)) report("settled");
   },
   (error) => lost(error),
 );
@@ -303,6 +303,7 @@ store.subscribe((state) => {
   redo.disabled = !store.canRedo;
   history.replaceState(null, "", toAddress(state) || location.pathname);
   if (follower.busy || !shown || !same(shown, state)) {
+    clearTimeout(resting);
     report("busy");
     follower.follow(state);
   }

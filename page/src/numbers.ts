@@ -1,7 +1,6 @@
 /** Margins and measures in numbers, as a table beside the plots. */
 
 import { type Found, isProblem, type Promise_ } from "./api";
-import { NAMES } from "./drawings";
 
 type Cell = string;
 
@@ -20,9 +19,9 @@ export function rowsOf(found: Found): [string, Cell, Cell, Cell, Cell][] {
     one.stable ? (value === undefined ? "any" : (factor * value).toFixed(digits)) : "–";
   return [
     row("stable", (one) => (one.stable ? "yes" : "no")),
-    row("gain margin (dB)", (one) => safe(one, one.gain_margin_db, 2)),
-    row("phase margin (deg)", (one) => safe(one, one.phase_margin_deg, 1)),
-    row("delay margin (ms)", (one) => safe(one, one.delay_margin_s, 2, 1000)),
+    row("gain (dB)", (one) => safe(one, one.gain_margin_db, 2)),
+    row("phase (deg)", (one) => safe(one, one.phase_margin_deg, 1)),
+    row("delay (ms)", (one) => safe(one, one.delay_margin_s, 2, 1000)),
     row("Ms", (one) => (one.stable ? one.ms.toFixed(2) : "–")),
   ];
 }
@@ -42,7 +41,7 @@ export class Numbers {
     caption.append(title);
     const table = document.createElement("table");
     const head = document.createElement("thead");
-    const cells = ["", "exact", NAMES.g1, NAMES.g2, NAMES.g2d].map((text) => {
+    const cells = ["margin", "exact", "1st", "2nd", "2nd + delay"].map((text) => {
       const cell = document.createElement("th");
       cell.scope = "col";
       cell.textContent = text ?? "";

@@ -4,6 +4,7 @@ import ipaddress
 import socket
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -23,6 +24,10 @@ HostOption = Annotated[
 ]
 PortOption = Annotated[int, typer.Option("--port", metavar="PORT", min=0, max=65535, help="Port to listen at; 0 takes a free one.")]
 BrowserOption = Annotated[bool, typer.Option("--no-browser", help="Do not open the page in a browser.")]
+DataOption = Annotated[
+    Path | None,
+    typer.Option("--data", metavar="DIR", help="Folder of the jobs; the user's data folder if left out.", show_default=False),
+]
 RemoteOption = Annotated[
     bool, typer.Option("--allow-remote", help="Let other machines in, if they have the token of the link that is printed; no encryption.")
 ]
@@ -34,6 +39,7 @@ def serve(
     port: PortOption = 8765,
     no_browser: BrowserOption = False,
     allow_remote: RemoteOption = False,
+    data: DataOption = None,
     quiet: QuietOption = False,
 ) -> None:
     """Start the workbench and say where it is once it answers at once; Ctrl-C ends it.
@@ -63,7 +69,7 @@ def serve(
         if not no_browser:
             webbrowser.open(link)
 
-    app = create(_rules(shown, taken, token), ready=ready)
+    app = create(_rules(shown, taken, token), ready=ready, data=None if data is None else data.absolute())
     config = uvicorn.Config(app, log_level="warning", access_log=False, lifespan="on", server_header=False, timeout_graceful_shutdown=3)
     try:
         uvicorn.Server(config).run(sockets=[listener])

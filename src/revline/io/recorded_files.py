@@ -65,7 +65,7 @@ def read_recording(path: str | Path, variable: Variable) -> Recording:
     if len(times) < 2:
         message = f"{table.path} has one row; a recording needs two or more"
         raise InvalidInputError(message, path=str(table.path))
-    _check_times(table, times)
+    check_times(table, times)
     for row, value in enumerate(values):
         try:
             check_range(variable, float(value))
@@ -113,7 +113,12 @@ def _column_of(table: CsvTable, variable: Variable) -> str:
     return variable.name if variable.unit == "1" and column not in table.header else column
 
 
-def _check_times(table: CsvTable, times: Floats) -> None:
+def check_times(table: CsvTable, times: Floats) -> None:
+    """Refuse times that do not rise.
+
+    Raises:
+        InvalidInputError: one repeats or falls; with file, line and column.
+    """
     falls = np.flatnonzero(np.diff(times) <= 0.0)
     if falls.size:
         row = int(falls[0]) + 1

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from http import HTTPStatus
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
@@ -9,8 +10,10 @@ from typing import Any, Final, NamedTuple
 from revline.errors import InvalidInputError, RevlineError
 from revline.io.engine_files import format_engine
 from revline.io.json_files import format_compact_json
+from revline.web.asked.registry import ASKED, find_record
+from revline.web.files.own_files import read_own_file
 from revline.web.parameters import changed_engine, list_parameters
-from revline.web.problems import problem_of
+from revline.web.problems import CONTENT_TYPE, problem_of
 from revline.web.state import parse_state
 from revline.web.study_file import format_study
 from revline.web.view.build import make_view
@@ -50,12 +53,18 @@ def answer_parameters(entries: Mapping[str, Any]) -> Answer:
     return _as_json(list_parameters(str(entries.get("engine", "lee1995"))))
 
 
+def answer_asked(name: str, entries: Mapping[str, Any]) -> Answer:
+    """Answer a question of the command line's."""
+    return _as_json(find_record(name, entries))
+
+
 QUESTIONS: Final[Mapping[str, Callable[[Mapping[str, Any]], Answer]]] = MappingProxyType(
     {
         "view": answer_view,
         "study-file": answer_study_file,
         "engine-file": answer_engine_file,
         "parameters": answer_parameters,
+        **{name: partial(answer_asked, name) for name in ASKED},
     }
 )
 """What can be asked."""
@@ -71,9 +80,22 @@ def answer(name: str, body: bytes) -> Answer:
     try:
         return QUESTIONS[name](_parse(body))
     except RevlineError as error:
-        control = error.details.get("control")
-        problem = problem_of(error, control=control if isinstance(control, str) else "")
-        return Answer(problem["status"], "application/problem+json", format_compact_json(problem).encode())
+        return _as_problem(error)
+
+
+def answer_file(kind: str, name: str, entries: Mapping[str, Any], content: bytes) -> Answer:
+    """Answer what a user's own file says; what is wrong with it comes back as a problem.
+
+    Args:
+        kind: "response", "log" or "engine".
+        name: of the file, for messages.
+        entries: the state that it is compared with.
+        content: of the file.
+    """
+    try:
+        return _as_json(read_own_file(kind, name, parse_state(entries), content))
+    except RevlineError as error:
+        return _as_problem(error)
 
 
 def answer_parts(entries: Mapping[str, Any], names: Sequence[str]) -> Mapping[str, bytes]:
@@ -107,6 +129,12 @@ def _parse(body: bytes) -> Mapping[str, Any]:
 def _refuse(name: str) -> float:
     message = f"{name} is no JSON number; send finite numbers"
     raise ValueError(message)
+
+
+def _as_problem(error: RevlineError) -> Answer:
+    control = error.details.get("control")
+    problem = problem_of(error, control=control if isinstance(control, str) else "")
+    return Answer(problem["status"], CONTENT_TYPE, format_compact_json(problem).encode())
 
 
 def _as_json(record: Mapping[str, Any]) -> Answer:

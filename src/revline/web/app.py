@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import os
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
@@ -21,8 +22,12 @@ from revline import __version__
 from revline.errors import RevlineError
 from revline.io.json_files import format_compact_json
 from revline.web.answers import LIVE, Answer, answer, answer_parts
+from revline.web.asked.registry import ASKED
+from revline.web.job_routes import job_routes, refuse_job
+from revline.web.jobs.queue import JobError, Jobs
 from revline.web.parameters import list_parameters
 from revline.web.problems import CONTENT_TYPE, make_problem, problem_of
+from revline.web.questions import Question
 from revline.web.security import App, Guard, Rules
 from revline.web.state import State, as_input_error
 from revline.web.turns import SupersededError, Turns
@@ -31,6 +36,9 @@ from revline.web.view.words import view_words
 from revline.web.workers import GIBIBYTE, WorkerError, Workers
 
 API: Final = "/api/v1"
+
+TENDING: Final = 0.5
+"""Seconds between two looks at the jobs."""
 
 NOT_BUILT: Final = (
     "The page of the workbench is not in this installation: it was not built.\n\n"
@@ -74,29 +82,33 @@ class Desk:
     Attributes:
         workers: that compute.
         turns: of the pages.
+        jobs: long work.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, data: Path) -> None:
         self.workers = Workers(count=2, seconds=30.0, memory=4 * GIBIBYTE)
         self.turns = Turns()
+        self.jobs = Jobs(data)
 
 
-def create(rules: Rules | None = None, *, ready: Callable[[], None] | None = None) -> App:
+def create(rules: Rules | None = None, *, ready: Callable[[], None] | None = None, data: Path | None = None) -> App:
     """Make the application.
 
     Args:
         rules: what may pass; by default requests to this machine's own names on any port.
         ready: called once views are answered at once.
+        data: folder of the jobs; by default the user's data folder.
     """
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
-        app.state.desk = Desk()
-        warming = asyncio.create_task(_warm_up(app.state.desk, ready))
+        app.state.desk = Desk(data or default_data())
+        tasks = [asyncio.create_task(_warm_up(app.state.desk, ready)), asyncio.create_task(_tend(app.state.desk.jobs))]
         try:
             yield
         finally:
-            warming.cancel()
+            for task in tasks:
+                task.cancel()
             app.state.desk.workers.stop()
 
     app = FastAPI(
@@ -111,7 +123,13 @@ def create(rules: Rules | None = None, *, ready: Callable[[], None] | None = Non
     )
     app.include_router(_api())
     app.include_router(_page())
-    for kind, handler in ((RequestValidationError, _invalid), (HTTPException, _missing), (RevlineError, _refused), (WorkerError, _lost)):
+    for kind, handler in (
+        (RequestValidationError, _invalid),
+        (HTTPException, _missing),
+        (RevlineError, _refused),
+        (WorkerError, _lost),
+        (JobError, refuse_job),
+    ):
         app.add_exception_handler(kind, handler)
     app.add_middleware(GZipMiddleware, minimum_size=2000, compresslevel=1)
     return Guard(app, rules or Rules(hosts=frozenset()))
@@ -121,6 +139,27 @@ async def _warm_up(desk: Desk, ready: Callable[[], None] | None) -> None:
     await desk.workers.warm_up()
     if ready is not None:
         ready()
+
+
+async def _tend(jobs: Jobs) -> None:
+    """Look after the jobs for as long as the server runs."""
+    while True:
+        try:
+            await asyncio.to_thread(jobs.tend)
+        except (RevlineError, OSError):  # a folder that cannot be written now is told to who asks for a job
+            await asyncio.sleep(10.0 * TENDING)
+        await asyncio.sleep(TENDING)
+
+
+def default_data() -> Path:
+    """Where jobs are kept unless told otherwise: the data folder of the XDG base directories, which counts only as an absolute path."""
+    given = Path(os.environ.get("XDG_DATA_HOME", ""))
+    return (given if given.is_absolute() else Path.home() / ".local" / "share") / "revline"
+
+
+def _desk_of(request: Request) -> tuple[Jobs, Workers]:
+    desk: Desk = request.app.state.desk
+    return desk.jobs, desk.workers
 
 
 def _api() -> APIRouter:
@@ -151,7 +190,21 @@ def _api() -> APIRouter:
 
     for name, summary in (("study-file", "A study file of a state"), ("engine-file", "An engine file of a state's engine")):
         routes.add_api_route(f"/{name}", _file_route(name), methods=["POST"], summary=summary, response_model=None)
+    for name, entry in ASKED.items():
+        routes.add_api_route(f"/{name}", _question_route(name, entry.kind), methods=["POST"], summary=entry.summary, response_model=None)
+    routes.include_router(job_routes(_desk_of))
     return routes
+
+
+def _question_route(name: str, kind: type[Question]) -> Callable[..., Any]:
+    async def route(request: Request, asked: Any) -> Response:
+        desk: Desk = request.app.state.desk
+        found: Answer = await desk.workers.ask(answer, name, format_compact_json(asked.model_dump(exclude_unset=True)).encode())
+        return Response(found.body, status_code=found.status, media_type=found.kind)
+
+    route.__annotations__["asked"] = kind
+    route.__name__ = name.replace("-", "_")
+    return route
 
 
 def _file_route(name: str) -> Callable[..., Any]:

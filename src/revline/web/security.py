@@ -23,6 +23,11 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 SAFE: Final = ("GET", "HEAD", "OPTIONS")
 """Methods that change and compute nothing."""
 
+FILES: Final = "/api/v1/files/"
+JSON_KINDS: Final = ("application/json",)
+FILE_KINDS: Final = ("text/csv", "application/toml", "application/octet-stream")
+"""Kinds of uploaded files; none that a form can send."""
+
 COOKIE: Final = "revline_token"
 
 POLICY: Final = "; ".join(
@@ -58,12 +63,18 @@ class Rules(NamedTuple):
         token: that each request must bring; empty where none is needed.
         largest: bytes of a request's body at most.
         in_flight: requests at once at most.
+        largest_file: bytes of an uploaded file at most.
     """
 
     hosts: frozenset[str]
     token: str = ""
     largest: int = 256 * 1024
     in_flight: int = 200
+    largest_file: int = 5 * 1024 * 1024
+
+    def largest_of(self, scope: Scope) -> int:
+        """Bytes of a request's body at most."""
+        return self.largest_file if scope["path"].startswith(FILES) else self.largest
 
 
 class Guard:
@@ -114,11 +125,15 @@ class Guard:
         if scope["method"] in SAFE:
             return None
         length = headers.get("content-length", "")
-        if length.isdecimal() and int(length) > self._rules.largest:
-            return _too_large(self._rules.largest)
+        largest = self._rules.largest_of(scope)
+        if length.isdecimal() and int(length) > largest:
+            return _too_large(largest)
+        if length in {"", "0"} and "transfer-encoding" not in headers and "if-match" in headers:
+            return None  # a wish without content; no page of another site can send this header unasked
         kind = headers.get("content-type", "").partition(";")[0].strip().lower()
-        if kind != "application/json":
-            detail = f"the content is {kind[:60] or 'of no kind'}; send application/json"
+        known = FILE_KINDS if scope["path"].startswith(FILES) else JSON_KINDS
+        if kind not in known:
+            detail = f"the content is {kind[:60] or 'of no kind'}; send {' or '.join(known)}"
             return make_problem("wrong-kind", "the kind of content is wrong", detail, status=HTTPStatus.UNSUPPORTED_MEDIA_TYPE)
         return None
 
@@ -131,8 +146,8 @@ class Guard:
                 return
             parts.append(message.get("body", b""))
             size, more = size + len(parts[-1]), message.get("more_body", False)
-            if size > self._rules.largest:
-                await self._refuse(send, _too_large(self._rules.largest))
+            if size > self._rules.largest_of(scope):
+                await self._refuse(send, _too_large(self._rules.largest_of(scope)))
                 return
         kept = [{"type": "http.request", "body": b"".join(parts), "more_body": False}]
 
@@ -141,7 +156,12 @@ class Guard:
 
         async def marked(message: Message) -> None:
             if message["type"] == "http.response.start":
-                message = {**message, "headers": [*message.get("headers", ()), *_encoded(HEADERS), *self._cookie(scope)]}
+                own = list(message.get("headers", ()))
+                given = {name.lower() for name, _ in own}  # a route may have a policy of its own, for what it shows
+                message = {
+                    **message,
+                    "headers": [*own, *(entry for entry in _encoded(HEADERS) if entry[0] not in given), *self._cookie(scope)],
+                }
             await send(message)
 
         await self._app(scope, replayed, marked)

@@ -1,6 +1,6 @@
 """What a page of the workbench shows: engine, operating point, excitation, controller and step, as one value that makes the view again."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -81,11 +81,12 @@ def parse_state(entries: Mapping[str, Any]) -> State:
         raise as_input_error(error.errors(include_url=False)[0]) from error
 
 
-def as_input_error(found: Mapping[str, Any]) -> InvalidInputError:
+def as_input_error(found: Mapping[str, Any], known: Sequence[str] = ()) -> InvalidInputError:
     """Word an error of pydantic's as the project words its own.
 
     Args:
         found: one entry of its list.
+        known: keys that there are, for suggestions; those of a state by default.
     """
     control = ".".join(str(part) for part in found["loc"] if part not in {"float", "int", "nullable[float]"})
     limits = found.get("ctx", {})
@@ -98,7 +99,7 @@ def as_input_error(found: Mapping[str, Any]) -> InvalidInputError:
         end = f"{limits['ge']:g} or more" if "ge" in limits else f"{limits['le']:g} or less"
         message = f"{control} = {shown} is outside its range; give {end}"
     elif kind == "extra_forbidden":
-        message = f"there is no {control!r}{suggestion(control, _names())}; leave it out"
+        message = f"there is no {control!r}{suggestion(control, known or _names())}; leave it out"
     elif kind == "missing":
         message = f"{control} is missing; give it"
     elif kind == "value_error":

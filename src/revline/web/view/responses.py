@@ -33,7 +33,7 @@ def view_response(state: State) -> Mapping[str, Any]:
     place = place_of(state)
     point = find_point(place)
     exact = point.linear.model.response(np.array(GRID), "throttle", "engine_speed")
-    record: dict[str, Any] = {"exact": _curve(exact)}
+    record: dict[str, Any] = {"exact": curve(exact)}
     try:
         check_amplitude(state, point)
         found = find_balance(place, state.amplitude_deg)
@@ -41,7 +41,7 @@ def view_response(state: State) -> Mapping[str, Any]:
         return {**record, "harmonic_balance": {"problem": problem_of(error, control="amplitude_deg")}}
     balance = found.finished if isinstance(found, PartialBalance) else found
     record["harmonic_balance"] = {
-        **_curve(balance.response()),
+        **curve(balance.response()),
         "distortion": drawn(balance.distortion),
         "notes": [*balance.notes, *([str(found)] if isinstance(found, PartialBalance) else [])],
     }
@@ -62,11 +62,12 @@ def view_peaks(state: State) -> Mapping[str, Any]:
     excitation = Excitation(input_name="throttle", output_name="engine_speed", amplitude=state.amplitude_deg)
     found = attempt_sinestream(point.engine, point.trim, excitation, np.array(PEAKS), workers=1)
     stream = found.finished if isinstance(found, PartialSinestream) else found
-    record = {**_curve(stream.response(ReadingMethod.PEAKS)), "distortion": drawn(stream.distortion)}
+    record = {**curve(stream.response(ReadingMethod.PEAKS)), "distortion": drawn(stream.distortion)}
     return {**record, "missing": str(found)} if isinstance(found, PartialSinestream) else record
 
 
-def _curve(response: FrequencyResponse) -> dict[str, Any]:
+def curve(response: FrequencyResponse) -> dict[str, Any]:
+    """Give a response for drawing."""
     return {
         "frequency_rad_s": drawn(response.omega),
         "magnitude_db": drawn(response.magnitude_db),
@@ -79,7 +80,7 @@ def _model(named: NamedFit) -> Mapping[str, Any]:
     shown = model.response(np.array(GRID))
     return {
         **fit_record(fit, judge_model(fit), name=named.name, provenance={"program": PROGRAM}),
-        "curve": _curve(shown),
+        "curve": curve(shown),
         "errors": {
             "frequency_rad_s": drawn(fit.data.omega),
             "magnitude_db": drawn(fit.magnitude_error_db),
