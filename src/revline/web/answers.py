@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from http import HTTPStatus
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
@@ -64,21 +63,20 @@ QUESTIONS: Final[Mapping[str, Callable[[Mapping[str, Any]], Answer]]] = MappingP
         "study-file": answer_study_file,
         "engine-file": answer_engine_file,
         "parameters": answer_parameters,
-        **{name: partial(answer_asked, name) for name in ASKED},
     }
 )
-"""What can be asked."""
+"""What can be asked of a state; the questions of the command line are `revline.web.asked.registry.ASKED`."""
 
 
 def answer(name: str, body: bytes) -> Answer:
     """Answer a question; what the user can mend comes back as a problem, not as an error.
 
     Args:
-        name: one of `QUESTIONS`.
+        name: one of `QUESTIONS` or `ASKED`.
         body: JSON.
     """
     try:
-        return QUESTIONS[name](_parse(body))
+        return answer_asked(name, _parse(body)) if name in ASKED else QUESTIONS[name](_parse(body))
     except RevlineError as error:
         return _as_problem(error)
 
