@@ -109,6 +109,20 @@ export interface Parts {
   words: { verdict: string; lines: string[] };
 }
 
+export interface Job {
+  id: string;
+  kind: "study" | "sinestream";
+  status: "queued" | "running" | "done" | "failed" | "cancelled" | "interrupted";
+  created: string;
+  revision: number;
+  progress: number;
+  stage: string;
+  seconds: number;
+  remaining_s?: number;
+  files: string[];
+  error?: { detail: string };
+}
+
 export type PartName = keyof Parts;
 export type Found = Partial<Parts>;
 
@@ -143,6 +157,19 @@ export async function fetchView(state: State, parts: PartName[], client = CLIENT
 /** Ask for a text, such as a study file. */
 export async function fetchText(path: string, state: State): Promise<string> {
   return (await post(path, { state }, CLIENT)).text();
+}
+
+/** Ask for a job. */
+export async function startJob(kind: Job["kind"], state: State): Promise<Job> {
+  return (await post("/api/v1/jobs", { kind, state }, CLIENT)).json() as Promise<Job>;
+}
+
+/** Change a job, as it was when it was listed: the server refuses where another page changed it since. */
+export async function changeJob(job: Job, what: "cancel" | "resume" | "delete"): Promise<void> {
+  const path = `/api/v1/jobs/${encodeURIComponent(job.id)}`;
+  const headers = { "if-match": `"${job.revision}"` };
+  if (what === "delete") await send(path, { method: "DELETE", headers });
+  else await send(`${path}/${what}`, { method: "POST", headers });
 }
 
 export async function fetchJson<T>(path: string): Promise<T> {

@@ -41,7 +41,7 @@ const POINT: Spec[] = [
 const GAINS: Spec[] = [
   { key: "kp", label: "kp", unit: "deg/(rad/s)", low: 0, high: 30, step: 0.001, least: 0.01 },
   { key: "ki", label: "ki", unit: "deg/(rad/s)/s", low: 0, high: 300, step: 0.001, least: 0.05 },
-  { key: "kd", label: "kd", unit: "deg s/(rad/s)", low: 0, high: 1, step: 0.0001, least: 0.001 },
+  { key: "kd", label: "kd", unit: "deg/(rad/s²)", low: 0, high: 1, step: 0.0001, least: 0.001 },
 ];
 const STEP: Spec[] = [
   {
@@ -71,7 +71,7 @@ const STEP: Spec[] = [
     step: 0.5,
     hidden: (s) => s.step !== "throttle",
   },
-  { key: "until_s", label: "Time shown", unit: "s", low: 0.5, high: 20, step: 0.5 },
+  { key: "until_s", label: "Until", unit: "s", low: 0.5, high: 20, step: 0.5 },
 ];
 
 const POSITIONS = 1000;

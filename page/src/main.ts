@@ -3,19 +3,23 @@
 import "uplot/dist/uPlot.min.css";
 import "./style.css";
 import {
+  changeJob,
   Follower,
   type Found,
   fetchJson,
   fetchText,
   fetchView,
   isProblem,
+  type Job,
   LIVE,
   Lost,
   type PartName,
   Refused,
+  startJob,
 } from "./api";
 import { Controls, type Parameter } from "./controls";
 import { drawBode, drawDistortion, drawErrors, drawMap, drawPlane, drawRoots, drawTime, type Named } from "./drawings";
+import { Jobs } from "./jobs";
 import { Numbers } from "./numbers";
 import { type Drawing, Plot, save } from "./plot";
 import { DEFAULTS, fromAddress, type State, same, toAddress } from "./state";
@@ -371,6 +375,12 @@ function takeTurns(names: readonly string[], first: string): void {
   show(first);
 }
 takeTurns(["magnitude-error", "phase-error", "distortion"], "phase-error");
+
+new Jobs(need<HTMLDialogElement>("jobs"), need<HTMLButtonElement>("jobs-open"), {
+  list: () => fetchJson<{ jobs: Job[] }>("/api/v1/jobs"),
+  start: (kind) => startJob(kind, store.state),
+  change: changeJob,
+});
 
 need("plots").append(...plots.map(({ plot }) => plot.figure), numbers.figure);
 if (read.faults.length > 0) say(read.faults.join("; "));

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from revline.cli.options import QuietOption
+from revline.cli.options import JsonOption, QuietOption
 from revline.cli.shell import Shell
 from revline.errors import InvalidInputError
 
@@ -40,6 +40,7 @@ def serve(
     no_browser: BrowserOption = False,
     allow_remote: RemoteOption = False,
     data: DataOption = None,
+    json: JsonOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Start the workbench and say where it is once it answers at once; Ctrl-C ends it.
@@ -54,7 +55,7 @@ def serve(
 
     from revline.web.app import create, page_folder
 
-    shell = Shell(json=False, quiet=quiet)
+    shell = Shell(json=json, quiet=quiet)
     token = _token(host, allow_remote=allow_remote, make=secrets.token_urlsafe)
     listener = _listen(host, port)
     taken = int(listener.getsockname()[1])
@@ -64,7 +65,7 @@ def serve(
         shell.warn("the page was not built: run `make page` in a checkout, or install a released wheel; the API works all the same")
 
     def ready() -> None:
-        sys.stdout.write(f"workbench ready: {link}\n")
+        shell.show({"link": link, "port": taken, **({"token": token} if token else {})}, f"workbench ready: {link}")
         sys.stdout.flush()
         if not no_browser:
             webbrowser.open(link)

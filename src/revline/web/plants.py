@@ -57,7 +57,6 @@ def place_of(state: State) -> Place:
     return Place(state.engine, state.changed, state.throttle, state.speed_rad_s, state.load_n_m)
 
 
-@lru_cache(maxsize=KEPT)
 def find_point(place: Place) -> Point:
     """Find the operating point.
 
@@ -65,12 +64,24 @@ def find_point(place: Place) -> Point:
         InvalidInputError: the engine or a parameter is wrong, or the values lie outside the engine's ranges.
         NoTrimError: there is no steady state; `details` has the control that asked for it.
     """
-    engine = changed_engine(place.engine, place.changed)
-    if place.speed is None:
-        trim = find_trim(engine, inputs={"throttle": float(place.throttle or 0.0), "load_torque": place.load})
-    else:
-        trim = find_trim(engine, inputs={"load_torque": place.load}, outputs={"engine_speed": place.speed}, free=("throttle",))
-    return Point(engine, trim, linearize(engine, trim))
+    found = _try_point(place)
+    if isinstance(found, Point):
+        return found
+    raise found
+
+
+@lru_cache(maxsize=KEPT)
+def _try_point(place: Place) -> Point | RevlineError:
+    """The operating point, or why there is none: a long search that fails is not made again for each part of a view."""
+    try:
+        engine = changed_engine(place.engine, place.changed)
+        if place.speed is None:
+            trim = find_trim(engine, inputs={"throttle": float(place.throttle or 0.0), "load_torque": place.load})
+        else:
+            trim = find_trim(engine, inputs={"load_torque": place.load}, outputs={"engine_speed": place.speed}, free=("throttle",))
+        return Point(engine, trim, linearize(engine, trim))
+    except RevlineError as error:
+        return error
 
 
 @lru_cache(maxsize=KEPT)
