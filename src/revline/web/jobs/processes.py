@@ -24,6 +24,7 @@ class Identity(NamedTuple):
     start: int
     boot: str
 
+
 RUN = "import sys; from revline.web.jobs.run import main; sys.exit(main(sys.argv[1:]))"
 """What the process of a job executes."""
 
