@@ -57,7 +57,7 @@ def answer_asked(name: str, entries: Mapping[str, Any]) -> Answer:
     return _as_json(find_record(name, entries))
 
 
-QUESTIONS: Final[Mapping[str, Callable[[Mapping[str, Any]], Answer]]] = MappingProxyType(
+OWN: Final[Mapping[str, Callable[[Mapping[str, Any]], Answer]]] = MappingProxyType(
     {
         "view": answer_view,
         "study-file": answer_study_file,
@@ -65,18 +65,19 @@ QUESTIONS: Final[Mapping[str, Callable[[Mapping[str, Any]], Answer]]] = MappingP
         "parameters": answer_parameters,
     }
 )
-"""What can be asked of a state; the questions of the command line are `revline.web.asked.registry.ASKED`."""
+"""What can be asked beside the command line's questions, `ASKED`."""
 
 
 def answer(name: str, body: bytes) -> Answer:
     """Answer a question; what the user can mend comes back as a problem, not as an error.
 
     Args:
-        name: one of `QUESTIONS` or `ASKED`.
+        name: one of `OWN` or of `ASKED`.
         body: JSON.
     """
     try:
-        return answer_asked(name, _parse(body)) if name in ASKED else QUESTIONS[name](_parse(body))
+        entries = _parse(body)
+        return OWN[name](entries) if name in OWN else answer_asked(name, entries)
     except RevlineError as error:
         return _as_problem(error)
 

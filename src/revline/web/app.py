@@ -31,6 +31,7 @@ from revline.web.questions import Question
 from revline.web.security import App, Guard, Rules
 from revline.web.state import State, as_input_error
 from revline.web.turns import SupersededError, Turns
+from revline.web.upload_routes import upload_routes
 from revline.web.view.build import GROUPS, OF_WORDS, PARTS, WORDS
 from revline.web.view.words import view_words
 from revline.web.workers import GIBIBYTE, WorkerError, Workers
@@ -80,15 +81,24 @@ class Desk:
     """What the routes share while the server runs.
 
     Attributes:
-        workers: that compute.
+        workers: that compute what a page follows each move with.
+        slow: that compute what takes longer, so that nothing else waits for it.
+        readers: that read files.
         turns: of the pages.
         jobs: long work.
     """
 
     def __init__(self, data: Path) -> None:
         self.workers = Workers(count=2, seconds=30.0, memory=4 * GIBIBYTE)
+        self.slow = Workers(count=1, seconds=60.0, memory=4 * GIBIBYTE)
+        self.readers = Workers(count=1, seconds=20.0, memory=2 * GIBIBYTE)
         self.turns = Turns()
         self.jobs = Jobs(data)
+
+    def stop(self) -> None:
+        """End all processes but those of jobs."""
+        for workers in (self.workers, self.slow, self.readers):
+            workers.stop()
 
 
 def create(rules: Rules | None = None, *, ready: Callable[[], None] | None = None, data: Path | None = None) -> App:
@@ -109,7 +119,7 @@ def create(rules: Rules | None = None, *, ready: Callable[[], None] | None = Non
         finally:
             for task in tasks:
                 task.cancel()
-            app.state.desk.workers.stop()
+            app.state.desk.stop()
 
     app = FastAPI(
         title="revline workbench",
@@ -129,6 +139,7 @@ def create(rules: Rules | None = None, *, ready: Callable[[], None] | None = Non
         (RevlineError, _refused),
         (WorkerError, _lost),
         (JobError, refuse_job),
+        (Exception, _fault),
     ):
         app.add_exception_handler(kind, handler)
     app.add_middleware(GZipMiddleware, minimum_size=2000, compresslevel=1)
@@ -162,6 +173,11 @@ def _desk_of(request: Request) -> tuple[Jobs, Workers]:
     return desk.jobs, desk.workers
 
 
+def _readers_of(request: Request) -> Workers:
+    desk: Desk = request.app.state.desk
+    return desk.readers
+
+
 def _api() -> APIRouter:
     routes = APIRouter(prefix=API)
 
@@ -193,6 +209,7 @@ def _api() -> APIRouter:
     for name, entry in ASKED.items():
         routes.add_api_route(f"/{name}", _question_route(name, entry.kind), methods=["POST"], summary=entry.summary, response_model=None)
     routes.include_router(job_routes(_desk_of))
+    routes.include_router(upload_routes(_readers_of))
     return routes
 
 
@@ -226,10 +243,10 @@ async def _view(desk: Desk, asked: ViewRequest) -> bytes:
     entries = asked.state.model_dump(exclude_none=True)
     wanted = dict.fromkeys(name for name in asked.parts if name != WORDS)
     needed = {**wanted, **(dict.fromkeys(OF_WORDS) if WORDS in asked.parts else {})}
-    shares = [[name for name in needed if name in group] for group in GROUPS]
-    shares.append([name for name in needed if not any(name in group for group in GROUPS)])
+    shares = [(desk.workers, [name for name in needed if name in group]) for group in GROUPS]
+    shares.append((desk.slow, [name for name in needed if not any(name in group for group in GROUPS)]))
     found: dict[str, bytes] = {}
-    for share in await asyncio.gather(*(desk.workers.ask(answer_parts, entries, share) for share in shares if share)):
+    for share in await asyncio.gather(*(workers.ask(answer_parts, entries, share) for workers, share in shares if share)):
         found |= share
     kept = [(name, found[name]) for name in wanted]
     if WORDS in asked.parts:
@@ -295,6 +312,12 @@ async def _refused(request: Request, error: Exception) -> Response:  # noqa: ARG
 async def _lost(request: Request, error: Exception) -> Response:  # noqa: ARG001 - the form of all handlers
     known: Any = error
     return _problem(known.problem)
+
+
+async def _fault(request: Request, error: Exception) -> Response:  # noqa: ARG001 - the form of all handlers
+    """Say that revline is at fault; the server's own output has the traceback."""
+    detail = "this is a fault in revline; please report it with the request and the lines that the server printed"
+    return _problem(make_problem("fault", "a fault in revline", detail, status=HTTPStatus.INTERNAL_SERVER_ERROR))
 
 
 async def _missing(request: Request, error: Exception) -> Response:

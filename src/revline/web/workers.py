@@ -5,6 +5,7 @@ import multiprocessing
 import os
 import resource
 from collections.abc import Callable
+from concurrent.futures.process import BrokenProcessPool
 from http import HTTPStatus
 from typing import Any, Final, TypeVar
 
@@ -41,11 +42,13 @@ class Workers:
     def __init__(self, *, count: int, seconds: float, memory: int) -> None:
         for name in ONE_THREAD:
             os.environ.setdefault(name, "1")
-        self._seconds = seconds
-        self._pool = ProcessPool(
-            max_workers=count, context=multiprocessing.get_context("spawn"), initializer=limit_memory, initargs=[memory]
-        )
+        self._seconds, self._memory = seconds, memory
         self.count = count
+        self._pool = self._make()
+
+    def _make(self) -> ProcessPool:
+        context = multiprocessing.get_context("spawn")
+        return ProcessPool(max_workers=self.count, context=context, initializer=limit_memory, initargs=[self._memory])
 
     async def ask(self, function: Callable[..., Result], *arguments: object) -> Result:
         """Have a process compute.
@@ -57,6 +60,16 @@ class Workers:
         Raises:
             WorkerError: the process ended, or took too long or too much memory; it has been replaced.
         """
+        try:
+            found: Result = await self._schedule(function, arguments)
+        except BrokenProcessPool:  # a process was killed while it had nothing to do; this question was never begun
+            found = await self._schedule(function, arguments)
+        return found
+
+    async def _schedule(self, function: Callable[..., Result], arguments: tuple[object, ...]) -> Result:
+        if not self._pool.active:
+            broken, self._pool = self._pool, self._make()
+            await asyncio.to_thread(_end, broken)
         future = self._pool.schedule(function, args=list(arguments), timeout=self._seconds)
         try:
             found: Result = await asyncio.wrap_future(future)
@@ -77,9 +90,12 @@ class Workers:
 
     def stop(self) -> None:
         """End all processes."""
-        pool: Any = self._pool
-        pool.stop()
-        pool.join()
+        _end(self._pool)
+
+
+def _end(pool: Any) -> None:
+    pool.stop()
+    pool.join()
 
 
 def limit_memory(size: int) -> None:
