@@ -32,7 +32,7 @@ def differs(shown: str, got: str) -> bool:
 
 def test_the_page_shows_each_command_that_works_alone() -> None:
     shown = {shlex.split(line)[1] for line, _ in examples(PAGE.read_text())}
-    assert {entry.name for entry in COMMANDS} - {"study", "report", "compare"} <= shown
+    assert {entry.name for entry in COMMANDS} - {"study", "report", "compare", "serve"} <= shown  # these take long, or do not end
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ import pytest
 from revline import signals
 from revline.analysis.logged_response import estimate_response
 from revline.dde.simulate import Options, Start, simulate
-from revline.errors import AnalysisError, InvalidInputError
+from revline.errors import AnalysisError, InvalidInputError, NoTrimError
 from revline.io.engine_files import format_engine
 from revline.lti.sampled_inputs import answer_to_samples
 from revline.lti.transfer_function import TransferFunction
@@ -105,6 +105,16 @@ def test_a_log_too_short_or_too_still_for_a_response_is_played_all_the_same() ->
     found = read_log_file(short, "still.csv", State())
     assert found["engine"]["max_error_rad_s"] < 0.01
     assert "throttle does not move in this record" in found["response"]["problem"]["detail"]
+
+
+def test_about_an_unstable_point_no_model_is_played() -> None:
+    slow = "time_s,throttle_deg,speed_rad_s\n" + "".join(f"{0.01 * k:.2f},4.6,13\n" for k in range(100))
+    found = read_log_file(slow, "slow.csv", State())
+    assert "open-loop unstable at the log's mean throttle of 4.6 deg" in found["exact"]["problem"]["detail"]
+    assert found["models"]["g1"]["problem"]["exit_status"] in {1, 2}
+    nowhere = slow.replace(",4.6,", ",1.0,")
+    with pytest.raises(NoTrimError, match="no trim at throttle = 1 deg"):
+        read_log_file(nowhere, "slow.csv", State())
 
 
 def test_a_response_of_the_engine_is_that_of_the_engine() -> None:

@@ -83,7 +83,6 @@ def test_the_api_describes_itself_without_other_machines(server: Server) -> None
     assert set(record["paths"]) >= {f"/api/v1/{name}" for name in named}
     state = record["components"]["schemas"]["State"]["properties"]
     assert state["kp"]["description"] == "proportional gain [deg/(rad/s)]"
-    assert all(path.startswith("/api/v1/") for path in record["paths"])
     assert (state["kp"]["minimum"], state["kp"]["maximum"]) == (-1e4, 1e4)
     for path in ("docs", "redoc", "api/v1/docs"):
         assert httpx.get(f"{server.link}{path}").status_code == 404

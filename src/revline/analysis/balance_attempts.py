@@ -17,7 +17,7 @@ from revline.errors import AnalysisError, out_of_range
 from revline.lti.response import check_frequencies
 from revline.system import DelaySystem, Floats
 
-BATCH = 32
+BATCH = 48
 """Frequencies at once: orbits with the most harmonics then take some hundred megabytes."""
 
 

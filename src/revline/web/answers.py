@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from http import HTTPStatus
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
@@ -10,7 +9,7 @@ from typing import Any, Final, NamedTuple
 from revline.errors import InvalidInputError, RevlineError
 from revline.io.engine_files import format_engine
 from revline.io.json_files import format_compact_json
-from revline.web.asked.registry import ASKED, find_record
+from revline.web.asked.registry import find_record
 from revline.web.files.own_files import read_own_file
 from revline.web.parameters import changed_engine, list_parameters
 from revline.web.problems import CONTENT_TYPE, problem_of
@@ -58,27 +57,27 @@ def answer_asked(name: str, entries: Mapping[str, Any]) -> Answer:
     return _as_json(find_record(name, entries))
 
 
-QUESTIONS: Final[Mapping[str, Callable[[Mapping[str, Any]], Answer]]] = MappingProxyType(
+OWN: Final[Mapping[str, Callable[[Mapping[str, Any]], Answer]]] = MappingProxyType(
     {
         "view": answer_view,
         "study-file": answer_study_file,
         "engine-file": answer_engine_file,
         "parameters": answer_parameters,
-        **{name: partial(answer_asked, name) for name in ASKED},
     }
 )
-"""What can be asked."""
+"""What can be asked beside the command line's questions, `ASKED`."""
 
 
 def answer(name: str, body: bytes) -> Answer:
     """Answer a question; what the user can mend comes back as a problem, not as an error.
 
     Args:
-        name: one of `QUESTIONS`.
+        name: one of `OWN` or of `ASKED`.
         body: JSON.
     """
     try:
-        return QUESTIONS[name](_parse(body))
+        entries = _parse(body)
+        return OWN[name](entries) if name in OWN else answer_asked(name, entries)
     except RevlineError as error:
         return _as_problem(error)
 

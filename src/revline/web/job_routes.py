@@ -68,7 +68,11 @@ class Answered(BaseModel):
 
 
 IfMatch = Annotated[str, Header(alias="If-Match", pattern=REVISION, description="revision of the job that the change is made to")]
-REFUSALS: Final[Any] = {404: {"model": Answered}, 409: {"model": Answered}, 412: {"model": Answered}}
+
+
+def _refusals() -> Any:
+    """What a change of a job may be refused with, for the API's description."""
+    return {status: {"model": Answered} for status in (404, 409, 412)}
 
 
 def job_routes(shared: Callable[[Request], tuple[Jobs, Workers]]) -> APIRouter:
@@ -104,17 +108,17 @@ def job_routes(shared: Callable[[Request], tuple[Jobs, Workers]]) -> APIRouter:
         """Show a job."""
         return _json(shared(request)[0].record(name))
 
-    @routes.post("/{name}/cancel", response_model=Job, responses=REFUSALS)
+    @routes.post("/{name}/cancel", response_model=Job, responses=_refusals())
     def cancel(request: Request, name: str, if_match: IfMatch) -> Response:
         """Stop a job that waits or runs; what a study has finished is kept."""
         return _json(shared(request)[0].cancel(name, _revision(if_match)))
 
-    @routes.post("/{name}/resume", response_model=Job, responses=REFUSALS)
+    @routes.post("/{name}/resume", response_model=Job, responses=_refusals())
     def resume(request: Request, name: str, if_match: IfMatch) -> Response:
         """Let a job that was interrupted or cancelled go on."""
         return _json(shared(request)[0].resume(name, _revision(if_match)))
 
-    @routes.delete("/{name}", status_code=204, responses=REFUSALS)
+    @routes.delete("/{name}", status_code=204, responses=_refusals())
     def delete(request: Request, name: str, if_match: IfMatch) -> Response:
         """Remove a job that has ended, with its results."""
         shared(request)[0].delete(name, _revision(if_match))

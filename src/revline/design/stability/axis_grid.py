@@ -4,8 +4,8 @@ Crossings are then found by root finding and peaks by minimisation, never read f
 """
 
 import math
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from revline.units import Seconds
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
+Values = NDArray[Any]
 
 PHASE_STEP = 0.2
 """Largest change of a function's phase between neighbours on the grid, in rad."""
@@ -82,28 +83,65 @@ def roots_between(function: Callable[[Floats], Floats], grid: Floats, values: Fl
         grid: frequencies above 0, rising, between whose neighbours the function has at most one peak.
         values: the function there.
     """
-    grid, values = _with_passing_peaks(function, grid, values)
-    changes = np.flatnonzero((values[1:] > 0.0) != (values[:-1] > 0.0))
-    if not changes.size:
-        return np.array([])
-    return np.asarray(find_root(function, (grid[changes], grid[changes + 1])).x)
+    return roots_of_each(lambda w: w, (function,), grid, (values,))[0]
 
 
-def _with_passing_peaks(function: Callable[[Floats], Floats], grid: Floats, values: Floats) -> tuple[Floats, Floats]:
-    """Add the peaks towards 0 that pass it although no point of the grid does."""
-    sides = np.where(values > 0.0, 1.0, -1.0)
-    sizes = sides * values
-    alike = (sides[:-2] == sides[1:-1]) & (sides[2:] == sides[1:-1])
-    at = np.flatnonzero(alike & (sizes[1:-1] < sizes[:-2]) & (sizes[1:-1] <= sizes[2:])) + 1
+def roots_of_each(
+    evaluate: Callable[[Floats], Values], functions: Sequence[Callable[[Values], Floats]], grid: Floats, values: Sequence[Floats]
+) -> tuple[Floats, ...]:
+    """Find the roots of some real functions of one that is dear to evaluate, as `roots_between` does, all in the same rounds.
+
+    Args:
+        evaluate: frequencies of shape (n,) to what the functions are of, shape (n,).
+        functions: each of size 1 near its roots.
+        grid: frequencies above 0, rising, between whose neighbours each function has at most one peak.
+        values: the functions there.
+    """
+    filled = _with_passing_peaks(evaluate, functions, grid, values)
+    changes = [np.flatnonzero((sizes[1:] > 0.0) != (sizes[:-1] > 0.0)) for _, sizes in filled]
+    which = np.repeat(np.arange(len(changes)), [at.size for at in changes])
+    if not which.size:
+        return tuple(np.array([]) for _ in functions)
+    low, high = (np.concatenate([places[at + after] for (places, _), at in zip(filled, changes, strict=True)]) for after in (0, 1))
+    found = np.asarray(find_root(lambda w, k: _chosen(functions, k, evaluate(w)), (low, high), args=(which,)).x)
+    return tuple(found[which == k] for k in range(len(functions)))
+
+
+def _chosen(functions: Sequence[Callable[[Values], Floats]], which: NDArray[np.intp], values: Values) -> Floats:
+    """Of each value the function that is asked for there."""
+    chosen = np.empty(which.shape)
+    for k, function in enumerate(functions):
+        here = which == k
+        if here.any():
+            chosen[here] = function(values[here])
+    return chosen
+
+
+def _with_passing_peaks(
+    evaluate: Callable[[Floats], Values], functions: Sequence[Callable[[Values], Floats]], grid: Floats, values: Sequence[Floats]
+) -> list[tuple[Floats, Floats]]:
+    """Grid and values of each function with the peaks towards 0 that pass it although no point of the grid does."""
+    sides = [np.where(sizes > 0.0, 1.0, -1.0) for sizes in values]
+    tops = []
+    for side, value in zip(sides, values, strict=True):
+        sizes = side * value
+        alike = (side[:-2] == side[1:-1]) & (side[2:] == side[1:-1])
+        tops.append(np.flatnonzero(alike & (sizes[1:-1] < sizes[:-2]) & (sizes[1:-1] <= sizes[2:])) + 1)
+    at = np.concatenate(tops)
     if not at.size:
-        return grid, values
+        return [(grid, sizes) for sizes in values]
+    which = np.repeat(np.arange(len(tops)), [one.size for one in tops])
+    towards = np.concatenate([side[one] for side, one in zip(sides, tops, strict=True)])
     logarithm = np.log(grid)
     brackets = (logarithm[at - 1], logarithm[at], logarithm[at + 1])
-    result = find_minimum(lambda x, side: side * function(np.exp(x)), brackets, args=(sides[at],))
-    passed = result.f_x < -ROUNDING
-    peaks = np.exp(result.x[passed])
-    places = np.searchsorted(grid, peaks)
-    return np.insert(grid, places, peaks), np.insert(values, places, sides[at][passed] * result.f_x[passed])
+    result = find_minimum(lambda x, side, k: side * _chosen(functions, k, evaluate(np.exp(x))), brackets, args=(towards, which))
+    filled = []
+    for k, sizes in enumerate(values):
+        passed = (result.f_x < -ROUNDING) & (which == k)
+        peaks = np.exp(result.x[passed])
+        places = np.searchsorted(grid, peaks)
+        filled.append((np.insert(grid, places, peaks), np.insert(sizes, places, towards[passed] * result.f_x[passed])))
+    return filled
 
 
 def highest(function: Callable[[Floats], Floats], grid: Floats, sizes: Floats) -> tuple[float, float]:
@@ -117,15 +155,40 @@ def highest(function: Callable[[Floats], Floats], grid: Floats, sizes: Floats) -
     Returns:
         The value and its frequency.
     """
-    inner = np.flatnonzero((sizes[1:-1] >= sizes[:-2]) & (sizes[1:-1] >= sizes[2:])) + 1
-    best = int(np.argmax(sizes))
-    found = (float(sizes[best]), float(grid[best]))
-    if not inner.size:
-        return found
-    tops = inner[np.argsort(-sizes[inner])][:MOST_PEAKS]
+    return highest_of_each(lambda w: w, (function,), grid, (sizes,))[0]
+
+
+def highest_of_each(
+    evaluate: Callable[[Floats], Values], functions: Sequence[Callable[[Values], Floats]], grid: Floats, sizes: Sequence[Floats]
+) -> tuple[tuple[float, float], ...]:
+    """Find the largest values of some real functions of one that is dear to evaluate, as `highest` does, all in the same rounds.
+
+    Args:
+        evaluate: frequencies of shape (n,) to what the functions are of, shape (n,).
+        functions: each of them.
+        grid: frequencies above 0, rising, between whose neighbours each function has at most one peak.
+        sizes: the functions on the grid.
+
+    Returns:
+        Each value and its frequency.
+    """
+    best = [int(np.argmax(one)) for one in sizes]
+    found = [(float(one[top]), float(grid[top])) for one, top in zip(sizes, best, strict=True)]
+    tops = []
+    for one in sizes:
+        inner = np.flatnonzero((one[1:-1] >= one[:-2]) & (one[1:-1] >= one[2:])) + 1
+        tops.append(inner[np.argsort(-one[inner])][:MOST_PEAKS])
+    at = np.concatenate(tops)
+    if not at.size:
+        return tuple(found)
+    which = np.repeat(np.arange(len(tops)), [one.size for one in tops])
     logarithm = np.log(grid)
-    result = find_minimum(lambda x: -function(np.exp(x)), (logarithm[tops - 1], logarithm[tops], logarithm[tops + 1]))
-    top = int(np.argmin(result.f_x))
-    if -float(result.f_x[top]) > found[0]:
-        found = (-float(result.f_x[top]), math.exp(float(result.x[top])))
-    return found
+    brackets = (logarithm[at - 1], logarithm[at], logarithm[at + 1])
+    result = find_minimum(lambda x, k: -_chosen(functions, k, evaluate(np.exp(x))), brackets, args=(which,))
+    for k in range(len(found)):
+        mine = np.flatnonzero(which == k)
+        if mine.size:
+            top = mine[int(np.argmin(result.f_x[mine]))]
+            if -float(result.f_x[top]) > found[k][0]:
+                found[k] = (-float(result.f_x[top]), math.exp(float(result.x[top])))
+    return tuple(found)

@@ -10,11 +10,12 @@ Systems Magazine 40(5), 78-95.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from revline.design.stability.axis_grid import follow, highest, roots_between
+from revline.design.stability.axis_grid import follow, highest_of_each, roots_of_each
 from revline.design.stability.open_loop import OpenLoop
 from revline.errors import InvalidInputError, out_of_range
 
@@ -126,6 +127,18 @@ class Margins:
         return 1.0 / self.disk.value
 
 
+def _above_one(values: Complexes) -> Floats:
+    return np.asarray(np.abs(values) - 1.0)
+
+
+MEASURES: Final[tuple[Callable[[Complexes], Floats], ...]] = (
+    lambda v: np.asarray(np.abs(1.0 / (1.0 + v))),
+    lambda v: np.asarray(np.abs(1.0 - 1.0 / (1.0 + v))),
+    lambda v: np.asarray(np.abs(1.0 / (1.0 + v) - 0.5)),
+)
+"""Of the loop's value: the sensitivity, its complement, and that about which a disk lies."""
+
+
 def find_margins(loop: OpenLoop, *, low: float = 1e-3) -> Margins:
     """Find all crossovers and margins of a loop.
 
@@ -143,8 +156,12 @@ def find_margins(loop: OpenLoop, *, low: float = 1e-3) -> Margins:
     start = np.geomspace(low, _top(loop, low), 200)
     grid, followed = follow(lambda w: _values(loop, w)[None], start, delay=loop.delay, name=f"the loop {loop.name}")
     values = followed[0]
-    unity = roots_between(lambda w: np.abs(_values(loop, w)) - 1.0, grid, np.abs(values) - 1.0)
-    turns = roots_between(lambda w: phase_sine(_values(loop, w)), grid, phase_sine(values))
+    crossings: tuple[Callable[[Complexes], Floats], ...] = (_above_one, phase_sine)
+    unity, turns = roots_of_each(lambda w: _values(loop, w), crossings, grid, [function(values) for function in crossings])
+    sizes = [measure(values) for measure in MEASURES]
+    peaks = [
+        Peak(value=value, frequency=frequency) for value, frequency in highest_of_each(lambda w: _values(loop, w), MEASURES, grid, sizes)
+    ]
     return Margins(
         loop=loop.name,
         stable=loop.stable,
@@ -155,9 +172,9 @@ def find_margins(loop: OpenLoop, *, low: float = 1e-3) -> Margins:
             for w, v in zip(turns, _values(loop, turns), strict=True)
             if v.real < 0.0
         ),
-        sensitivity=_peak(loop, lambda v: 1.0 / (1.0 + v), grid, values),
-        complementary=_peak(loop, lambda v: 1.0 - 1.0 / (1.0 + v), grid, values),
-        disk=_peak(loop, lambda v: 1.0 / (1.0 + v) - 0.5, grid, values),
+        sensitivity=peaks[0],
+        complementary=peaks[1],
+        disk=peaks[2],
         searched=(float(grid[0]), float(grid[-1])),
         points=grid.size,
     )
@@ -204,9 +221,3 @@ def gain_crossover(omega: float, value: complex) -> GainCrossover:
     """Give the margins at a frequency in rad/s from the loop's value of magnitude 1 there."""
     above = math.atan2(-value.imag, -value.real)  # phase of -L: phase above -180 degrees
     return GainCrossover(frequency=omega, phase_margin_deg=math.degrees(above), delay_margin=(above % (2.0 * math.pi)) / omega)
-
-
-def _peak(loop: OpenLoop, measure: Callable[[Complexes], Complexes], grid: Floats, values: Complexes) -> Peak:
-    """Largest magnitude of a measure of the loop."""
-    value, frequency = highest(lambda w: np.abs(measure(_values(loop, w))), grid, np.abs(measure(values)))
-    return Peak(value=value, frequency=frequency)

@@ -14,7 +14,7 @@ from revline.design.controllers.pid_controller import AnyPid, PidController, con
 from revline.design.plants.loop_signals import SPEED_BY_THROTTLE, LoopSignals
 from revline.design.stability.loop_stability import HighFrequencyUnstableLoop, LoopStability, UnstableLoop, judge_loop_stability
 from revline.errors import AnalysisError, InvalidInputError
-from revline.lti.interconnection import feed_back
+from revline.lti.interconnection import feed_back, select
 from revline.lti.roots import characteristic_roots
 from revline.lti.state_space import DelayStateSpace, Signal, position
 from revline.lti.transfer_function import TransferFunction
@@ -97,10 +97,12 @@ def open_loop_of_system(plant: DelayStateSpace, law: AnyPid, *, wires: LoopSigna
     of_measurement = gains.setpoint_transfer if len(needed) == 2 else controller.feedback_transfer
     weights = (of_measurement, lambda s: gains.kd * np.ones_like(s))
 
+    wired = select(plant, [drive], needed)
+
     def transfer(s: ArrayLike) -> Complexes:
         points = np.asarray(s, dtype=complex)
-        values = plant.transfer(points)[..., needed, drive]
-        return np.asarray(sum(values[..., k] * weights[k](points) for k in range(len(needed))))
+        values = wired.transfer(points)
+        return np.asarray(sum(values[..., k, 0] * weights[k](points) for k in range(len(needed))))
 
     closed = characteristic_roots(_close(plant, controller, drive, needed))
     return OpenLoop(

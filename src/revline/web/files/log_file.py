@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from revline import signals
 from revline.analysis.logged_response import estimate_response
 from revline.dde.simulate import Options, Start, simulate
-from revline.errors import InvalidInputError, RevlineError, out_of_range
+from revline.errors import AnalysisError, InvalidInputError, RevlineError, out_of_range
 from revline.io.csv_table import CsvTable, parse_csv_table
 from revline.io.recorded_files import check_times
 from revline.lti.sampled_inputs import answer_to_samples
@@ -142,8 +142,12 @@ def _engine_speed(log: Log, state: State, point: Point) -> tuple[Floats, Floats]
 
 def _exact_speed(log: Log, clock: Floats, point: Point) -> Floats:
     """Speed of the exact linear model about the log's mean throttle and load."""
-    slowest = abs(point.trim.roots.spectral_abscissa)
-    until = min(float(clock[-1]), max(FAST, SETTLED / slowest)) if point.trim.stable else float(clock[-1])
+    if not point.trim.stable:
+        message = (
+            f"the engine is open-loop unstable at the log's mean throttle of {point.trim.input('throttle'):.4g} deg: no model rests there"
+        )
+        raise AnalysisError(message)
+    until = min(float(clock[-1]), max(FAST, SETTLED / abs(point.trim.roots.spectral_abscissa)))
     times = clock[: max(2, int(np.searchsorted(clock, until)) + 1)]
     speed = np.full(clock.size, point.trim.output("engine_speed"))
     for name, values in (("throttle", log.throttle), ("load_torque", log.load)):

@@ -25,6 +25,10 @@ class Identity(NamedTuple):
     boot: str
 
 
+RUN = "import sys; from revline.web.jobs.run import main; sys.exit(main(sys.argv[1:]))"
+"""What the process of a job executes."""
+
+
 def identify(pid: int) -> Identity | None:
     """Say which process has a number now; none where none has it, or where it has ended and only its parent has not noticed."""
     try:
@@ -63,7 +67,7 @@ def start_process(folder: Path, log: str = "log.txt") -> int:
     flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND
     opened = ((os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDONLY, 0), (os.POSIX_SPAWN_OPEN, 1, str(folder / log), flags, 0o600))
     actions = (*opened, (os.POSIX_SPAWN_DUP2, 1, 2))
-    arguments = [sys.executable, "-P", "-m", "revline.web.jobs.run", str(folder)]
+    arguments = [sys.executable, "-P", "-c", RUN, str(folder)]
     return os.posix_spawn(sys.executable, arguments, os.environ, file_actions=actions, setsid=True)
 
 

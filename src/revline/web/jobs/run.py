@@ -1,9 +1,8 @@
-"""The process of one job: `python -m revline.web.jobs.run FOLDER`. It says how far it is, and how it ended."""
+"""The process of one job: started with the job's folder as its argument. It says how far it is, and how it ended."""
 
 import fcntl
 import os
 import signal
-import sys
 import time
 import traceback
 from collections.abc import Callable, Mapping
@@ -137,7 +136,3 @@ def _interrupt(number: int, frame: FrameType | None) -> None:
     del frame
     signal.signal(number, signal.SIG_IGN)
     raise KeyboardInterrupt
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

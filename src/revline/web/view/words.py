@@ -2,9 +2,12 @@
 
 import math
 from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 from typing import Any, Final
 
-NAMES: Final = {"g1": "the first-order model", "g2": "the second-order model without delay", "g2d": "the second-order model with delay"}
+NAMES: Final[Mapping[str, str]] = MappingProxyType(
+    {"g1": "the first-order model", "g2": "the second-order model without delay", "g2d": "the second-order model with delay"}
+)
 
 Record = Mapping[str, Any]
 
