@@ -40,7 +40,8 @@ def test_what_the_description_allows_is_answered_and_never_by_a_fault(server: Se
     quick = settings(
         max_examples=6, derandomize=True, database=None, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
     )
-    for found in schema.get_all_operations():
+    operations: Any = schema.get_all_operations()
+    for found in operations:
         quick(given(found.ok().as_strategy())(answered))()
     assert {200, 404} <= seen
 
