@@ -9,6 +9,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
@@ -24,7 +25,10 @@ TABLET: Final = (820, 1180)
 def serving() -> Iterator[str]:
     """Run `revline serve` on a free port, and give its address."""
     command = [str(Path(sys.executable).with_name("revline")), "serve", "--port", "0", "--no-browser"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:  # noqa: S603 - our own program
+    with (
+        tempfile.TemporaryDirectory() as data,  # jobs of the pictures are no jobs of the user's
+        subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, "XDG_DATA_HOME": data}) as server,  # noqa: S603 - our own program
+    ):
         try:
             first = server.stdout.readline() if server.stdout else ""
             found = re.search(r"https?://\S+", first)
@@ -55,9 +59,11 @@ def show_own_data(page: Page) -> None:
     rows = "\n".join(
         f"{w},{12 / (1 + (0.56 * w) ** 2) ** 0.5},{-57.3 * (0.0214 * w) - 30 * w**0.5}" for w in (0.1, 0.3, 1, 2, 4, 8, 15, 30, 60)
     )
-    data = f"frequency_rad_s,amplitude_rad_s,phase_deg\n{rows}\n".encode()
+    page.click("#data-open")
+    data = f"frequency_rad_s,magnitude,phase_deg\n{rows}\n".encode()
     page.set_input_files("#file", {"name": "measured.csv", "mimeType": "text/csv", "buffer": data})
-    page.wait_for_timeout(2500)
+    page.wait_for_selector("#data h3", timeout=60_000)
+    page.wait_for_timeout(300)
 
 
 def show_jobs(page: Page) -> None:
@@ -90,6 +96,10 @@ def take(browser: Browser, address: str, folder: Path, wanted: tuple[str, ...]) 
         if act is not None:
             act(page)
         page.screenshot(path=str(folder / f"{name}.png"))
+        cancel = page.locator("#jobs button:has-text('Cancel')")
+        if cancel.count():
+            cancel.first.click()
+            page.wait_for_selector("#jobs li[data-status=cancelled]")
         page.close()
 
 
