@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from revline.web.answers import QUESTIONS, answer
+from revline.web.answers import OWN, answer
 from revline.web.asked.registry import ASKED
 
 PAGE = (Path(__file__).parents[2] / "docs" / "http-api.md").read_text()
@@ -42,8 +42,8 @@ def test_an_example_is_answered_as_the_page_shows(name: str, asked: str, shown: 
 
 def test_every_question_has_an_example_or_is_named() -> None:
     asked = {name for name, *_ in examples()}
-    assert {*QUESTIONS, *ASKED} - asked == {"parameters", "study-file", "engine-file"}
-    for name in (*QUESTIONS, *ASKED):
+    assert {*OWN, *ASKED} - asked == {"parameters", "study-file", "engine-file"}
+    for name in (*OWN, *ASKED):
         assert f"/api/v1/{name}" in PAGE
 
 

@@ -9,7 +9,7 @@ from typing import Any, Final, NamedTuple
 from revline.errors import InvalidInputError, RevlineError
 from revline.io.engine_files import format_engine
 from revline.io.json_files import format_compact_json
-from revline.web.asked.registry import ASKED, find_record
+from revline.web.asked.registry import find_record
 from revline.web.files.own_files import read_own_file
 from revline.web.parameters import changed_engine, list_parameters
 from revline.web.problems import CONTENT_TYPE, problem_of

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Request, Response
 
@@ -11,14 +11,6 @@ from revline.web.answers import Answer, answer_file
 from revline.web.security import FILE_KINDS
 from revline.web.state import parse_state
 from revline.web.workers import Workers
-
-BODY: Final[Any] = {
-    "requestBody": {
-        "required": True,
-        "description": "the file itself, at most 5 MB",
-        "content": {kind: {"schema": {"type": "string", "format": "binary"}} for kind in FILE_KINDS},
-    }
-}
 
 Name = Annotated[str, Query(max_length=80, description="of the file, for messages; it is only repeated")]
 StateText = Annotated[str, Query(max_length=8192, description="state that it is compared with, as JSON")]
@@ -32,7 +24,7 @@ def upload_routes(shared: Callable[[Request], Workers]) -> APIRouter:
     """
     routes = APIRouter(prefix="/files", tags=["files"])
 
-    @routes.post("/{kind}", summary="Check, show, fit and compare a file", response_model=None, openapi_extra=BODY)
+    @routes.post("/{kind}", summary="Check, show, fit and compare a file", response_model=None, openapi_extra=_body())
     async def read(request: Request, kind: Literal["response", "log", "engine"], name: Name = "", state: StateText = "{}") -> Response:
         """Read a frequency response (CSV), a recorded log (CSV) or an engine file (TOML); nothing of it is kept."""
         entries = parse_state(_parse_state(state)).model_dump(exclude_none=True)
@@ -41,6 +33,12 @@ def upload_routes(shared: Callable[[Request], Workers]) -> APIRouter:
         return Response(found.body, status_code=found.status, media_type=found.kind)
 
     return routes
+
+
+def _body() -> dict[str, Any]:
+    """What is sent, for the API's description: the file as it is."""
+    content = {kind: {"schema": {"type": "string", "format": "binary"}} for kind in FILE_KINDS}
+    return {"requestBody": {"required": True, "description": "the file itself, at most 5 MB", "content": content}}
 
 
 def _parse_state(text: str) -> dict[str, Any]:
