@@ -61,6 +61,7 @@ docs: .venv/.dev ## Build the documentation into docs/_build/html.
 acceptance: .venv/.dev $(if $(SIDE_BY_SIDE),study) ## Check the study in ./out and every command against published and converged values.
 	$(BIN)/python tests/acceptance/check_study.py $(OUT)
 	$(BIN)/python tests/acceptance/check_commands.py $(BIN)/revline --self-test
+	$(BIN)/python tests/acceptance/check_serve.py $(BIN)/revline --self-test
 
 bench: .venv/.bench ## Measure speed, also of peers; see benchmarks/.
 	$(BIN)/python -m pytest benchmarks --benchmark-enable --benchmark-only
