@@ -159,6 +159,14 @@ export async function fetchText(path: string, state: State): Promise<string> {
   return (await post(path, { state }, CLIENT)).text();
 }
 
+/** Send a file of the user's own. */
+export async function sendFile<T>(file: File, kind: string, state: State): Promise<T> {
+  const query = new URLSearchParams({ name: file.name.slice(0, 80), state: JSON.stringify(state) });
+  const headers = { "content-type": kind === "engine" ? "application/toml" : "text/csv" };
+  const answer = await send(`/api/v1/files/${kind}?${query}`, { method: "POST", headers, body: file });
+  return answer.json() as Promise<T>;
+}
+
 /** Ask for a job. */
 export async function startJob(kind: Job["kind"], state: State): Promise<Job> {
   return (await post("/api/v1/jobs", { kind, state }, CLIENT)).json() as Promise<Job>;

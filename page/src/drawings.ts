@@ -1,6 +1,6 @@
 /** What each plot draws of a view. */
 
-import { type Found, isProblem, type Pair } from "./api";
+import { type Curve, type Found, isProblem, type Pair } from "./api";
 import type { Drawing, Line } from "./plot";
 import type { State } from "./state";
 
@@ -79,7 +79,7 @@ export function drawMap(found: Found, state: State): Drawing | undefined {
   return { lines, x: [0, 90], y: [0, rangeOf(map.speed_rad_s, 10)[1]], summary };
 }
 
-export function drawBode(found: Found, which: "magnitude_db" | "phase_deg"): Drawing | undefined {
+export function drawBode(found: Found, which: "magnitude_db" | "phase_deg", own?: Curve): Drawing | undefined {
   const response = whole(found.response);
   if (!response) return undefined;
   const { exact } = response;
@@ -113,6 +113,10 @@ export function drawBode(found: Found, which: "magnitude_db" | "phase_deg"): Dra
       marker: "cross",
       width: 3,
     });
+  }
+  if (own) {
+    const { frequency_rad_s: w } = own;
+    lines.push({ label: "own data", color: COLORS.mark, x: w, y: own[which], marker: "dot", width: 3 });
   }
   const y = which === "phase_deg" ? ([-450, 10] as [number, number]) : rangeOf(exact[which], 20);
   return {

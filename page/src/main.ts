@@ -3,6 +3,7 @@
 import "uplot/dist/uPlot.min.css";
 import "./style.css";
 import {
+  type Curve,
   changeJob,
   Follower,
   type Found,
@@ -15,9 +16,11 @@ import {
   Lost,
   type PartName,
   Refused,
+  sendFile,
   startJob,
 } from "./api";
 import { Controls, type Parameter } from "./controls";
+import { Data, type FileAnswer } from "./data";
 import { drawBode, drawDistortion, drawErrors, drawMap, drawPlane, drawRoots, drawTime, type Named } from "./drawings";
 import { Jobs } from "./jobs";
 import { Numbers } from "./numbers";
@@ -44,6 +47,7 @@ const verdict = need("verdict");
 const banner = need("banner");
 let controllers: (Named & { what: string })[] = [];
 let found: Found = {};
+let own: Curve | undefined;
 let shown: State | undefined;
 
 declare global {
@@ -82,12 +86,12 @@ const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[
       x: frequency,
       y: { label: "speed per throttle", unit: "dB" },
     }),
-    draw: () => drawBode(found, "magnitude_db"),
+    draw: () => drawBode(found, "magnitude_db", own),
     parts: ["response", "models"],
   },
   {
     plot: new Plot({ id: "phase", title: "Phase", x: frequency, y: { label: "phase", unit: "deg" } }),
-    draw: () => drawBode(found, "phase_deg"),
+    draw: () => drawBode(found, "phase_deg", own),
     parts: ["response", "models"],
   },
   {
@@ -376,6 +380,14 @@ function takeTurns(names: readonly string[], first: string): void {
 }
 takeTurns(["magnitude-error", "phase-error", "distortion"], "phase-error");
 
+new Data(need<HTMLDialogElement>("data"), need<HTMLButtonElement>("data-open"), {
+  send: (file, kind) => sendFile<FileAnswer>(file, kind, store.state),
+  curve: (curve) => {
+    own = curve;
+    redraw();
+  },
+  engine: (state) => store.set(state),
+});
 new Jobs(need<HTMLDialogElement>("jobs"), need<HTMLButtonElement>("jobs-open"), {
   list: () => fetchJson<{ jobs: Job[] }>("/api/v1/jobs"),
   start: (kind) => startJob(kind, store.state),

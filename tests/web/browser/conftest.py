@@ -21,7 +21,8 @@ PROGRAM = next((found for name in ("chromium", "chromium-browser", "google-chrom
 class Server:
     """`revline serve` on a port of its own, which can be stopped and started again."""
 
-    def __init__(self) -> None:
+    def __init__(self, data: Path) -> None:
+        self.data = data
         with socket.create_server(("127.0.0.1", 0)) as held:
             self.port = held.getsockname()[1]
         self.address = f"http://127.0.0.1:{self.port}/"
@@ -29,7 +30,7 @@ class Server:
 
     def start(self) -> None:
         command = [str(Path(sys.executable).with_name("revline")), "serve", "--port", str(self.port), "--no-browser"]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)  # noqa: S603 - our own program
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env={**os.environ, "XDG_DATA_HOME": str(self.data)})  # noqa: S603 - our own program
         assert self.process.stdout is not None
         assert re.search(re.escape(self.address.rstrip("/")), self.process.stdout.readline())
 
@@ -42,12 +43,12 @@ class Server:
 
 
 @pytest.fixture(scope="session")
-def server() -> Iterator[Server]:
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     if PROGRAM is None:
         pytest.skip("no browser here: the page is tried where chromium, chromium-browser or google-chrome is installed")
     if not PAGE.exists():
         pytest.skip("the page is not built here: `make page` builds it")
-    running = Server()
+    running = Server(tmp_path_factory.mktemp("data"))
     running.start()
     yield running
     running.stop()

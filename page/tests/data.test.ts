@@ -1,0 +1,39 @@
+import { describe, expect, it } from "vitest";
+import { kindOf, linesOf } from "../src/data";
+
+describe("own files", () => {
+  it("are known by name and header", () => {
+    expect(kindOf("mine.toml", "")).toBe("engine");
+    expect(kindOf("a.csv", "# made by hand\ntime_s,throttle_deg,speed_rpm\n0,1,2")).toBe("log");
+    expect(kindOf("a.csv", "frequency_hz;magnitude;phase_deg\n")).toBe("response");
+    expect(kindOf("a.csv", "x,y\n1,2")).toBeUndefined();
+    expect(kindOf("picture.csv", "\u0089PNG")).toBeUndefined();
+  });
+
+  it("say what an engine file changes", () => {
+    const changes = [{ key: "rotation.inertia", unit: "kg m2", value: 0.2, built_in: 0.1454 }];
+    const state = { engine: "lee1995", parameters: { "rotation.inertia": 0.2 } };
+    expect(linesOf({ kind: "engine", name: "mine", changes, state })).toEqual([
+      "rotation.inertia = 0.2 kg m2 (published: 0.1454)",
+    ]);
+  });
+
+  it("tell problems in place of numbers", () => {
+    const problem = { problem: { title: "", detail: "too few points", status: 422 } };
+    const answer = {
+      kind: "response",
+      name: "a",
+      response: { frequency_rad_s: [1], magnitude_db: [0], phase_deg: [0] },
+    };
+    const lines = linesOf({
+      ...answer,
+      kind: "response",
+      notes: ["assumed"],
+      models: { g1: problem },
+      engine: problem,
+    });
+    expect(lines).toContain("1st order: too few points");
+    expect(lines).toContain("not compared with the engine: too few points");
+    expect(lines.at(-1)).toBe("assumed");
+  });
+});
