@@ -47,7 +47,7 @@ nitpick_ignore_regex = [
     # Pages are built without a network, so names outside of revline have no page to point to.
     (r"py:.*", r"(?!revline[.$]).*"),
     # Type variables and parameter specifications, named by one capital letter, have no page.
-    (r"py:class", r"revline\.(\w+\.)*[A-Z]"),
+    (r"py:(class|obj)", r"revline\.(\w+\.)*[A-Z]"),
 ]
 
 # Records may share the name of a field; a text that names it means its own record's.

@@ -97,7 +97,7 @@ def main() -> int:
     program = given[0] if given else str(beside) if beside.exists() else shutil.which("revline") or "revline"
     server = subprocess.Popen(
         [program, "serve", "--no-browser", "--port", "0", "--json", "-q"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )  # noqa: S603 - the program under test
+    )
     try:
         lines = ""
         while "}" not in lines and server.stdout is not None and (line := server.stdout.readline()):

@@ -37,12 +37,14 @@ def test_what_the_description_allows_is_answered_and_never_by_a_fault(server: Se
         if answer.status_code >= 400:
             assert answer.headers["content-type"][0] == "application/problem+json", f"{case.method} {case.path}"
 
-    quick = settings(
+    quick: Any = settings(
         max_examples=6, derandomize=True, database=None, deadline=None, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
     )
     operations: Any = schema.get_all_operations()
     for found in operations:
-        quick(given(found.ok().as_strategy())(answered))()
+        strategy: Any = found.ok().as_strategy()
+        bind: Any = given(strategy)
+        quick(bind(answered))()
     assert {200, 404} <= seen
 
 

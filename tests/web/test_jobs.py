@@ -18,7 +18,7 @@ from revline.io.json_files import format_json, read_json
 from revline.io.response_files import read_response
 from revline.web.jobs import run as job_process
 from revline.web.jobs.folder import END, ENGINE, JOB, OUT, PROGRESS, QUESTIONS, STATE, Kind, Note, read_note, write_note
-from revline.web.jobs.processes import Identity, identify, lives, send
+from revline.web.jobs.processes import Identity, has_ended, identify, lives, send
 from revline.web.jobs.queue import KEPT, WAITING, JobError, Jobs
 from revline.web.plants import find_point, place_of
 from revline.web.state import State
@@ -34,7 +34,8 @@ def jobs(tmp_path: Path) -> Iterator[Jobs]:
     for note in (read_note(folder) for folder in (tmp_path / "jobs").glob("2*")):
         if note.process is not None:
             send(note.process, signal.SIGKILL)
-    made.tend()
+            while not has_ended(note.process.pid):  # not tend(), which would start what waits
+                time.sleep(0.01)
 
 
 def wait(jobs: Jobs, name: str, wanted: Callable[[dict[str, Any]], bool], seconds: float = 120.0) -> dict[str, Any]:

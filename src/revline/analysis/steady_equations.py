@@ -216,20 +216,20 @@ def solve_steady(equations: SteadyEquations, starts: Floats) -> Search:
 def _newton(equations: SteadyEquations, starts: Floats) -> Floats:
     points, scales = starts.copy(), equations.scales
     low, high = equations.limits
-    active = np.arange(len(points))
+    active, found = np.arange(len(points)), equations.misses(points)
     fractions = np.array([1.0, 0.5, 0.25, 0.0625, 0.015625])
     for _ in range(MOST_STEPS):
-        here = points[active]
-        misses = equations.misses(here)
+        here, misses = points[active], found[active]
         steps = solve_each(equations.slopes(here), -misses) * scales
         trials = np.clip(here[:, None, :] + fractions[:, None] * steps[:, None, :], low, high)
-        sizes = _size(equations.misses(trials))
+        missed = equations.misses(trials)
+        sizes = _size(missed)
         before = _size(misses)
         better = sizes < (1.0 - 1e-4 * fractions) * before[:, None]
         chosen = np.argmax(better, axis=1)
         rows = np.arange(active.size)
         moves = better[rows, chosen]
-        points[active[moves]] = trials[rows, chosen][moves]
+        points[active[moves]], found[active[moves]] = trials[rows, chosen][moves], missed[rows, chosen][moves]
         active = active[moves & (sizes[rows, chosen] > ROUNDING)]
         if not active.size:
             break

@@ -186,10 +186,10 @@ class LimitCycleQuestion(AtTrim):
     onset: bool = False
 
 
-Asked = TypeVar("Asked", bound=Question)
+T = TypeVar("T", bound=Question)
 
 
-def parse_question(kind: type[Asked], entries: Mapping[str, Any]) -> Asked:
+def parse_question(kind: type[T], entries: Mapping[str, Any]) -> T:
     """Check what a program sent.
 
     Args:

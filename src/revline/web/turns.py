@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 from typing import TypeVar
 
-Result = TypeVar("Result")
+T = TypeVar("T")
 
 
 class SupersededError(Exception):
@@ -31,7 +31,7 @@ class Turns:
         """How many clients are being answered or wait."""
         return len(self._clients)
 
-    async def take(self, client: str, work: Callable[[], Awaitable[Result]]) -> Result:
+    async def take(self, client: str, work: Callable[[], Awaitable[T]]) -> T:
         """Do a client's work when its turn comes.
 
         Args:

@@ -14,7 +14,7 @@ from pebble import ProcessExpired, ProcessPool
 from revline.web.answers import warm_up
 from revline.web.problems import make_problem
 
-Result = TypeVar("Result")
+T = TypeVar("T")
 
 GIBIBYTE: Final = 2**30
 
@@ -50,7 +50,7 @@ class Workers:
         context = multiprocessing.get_context("spawn")
         return ProcessPool(max_workers=self.count, context=context, initializer=limit_memory, initargs=[self._memory])
 
-    async def ask(self, function: Callable[..., Result], *arguments: object) -> Result:
+    async def ask(self, function: Callable[..., T], *arguments: object) -> T:
         """Have a process compute.
 
         Args:
@@ -61,18 +61,18 @@ class Workers:
             WorkerError: the process ended, or took too long or too much memory; it has been replaced.
         """
         try:
-            found: Result = await self._schedule(function, arguments)
+            found: T = await self._schedule(function, arguments)
         except BrokenProcessPool:  # a process was killed while it had nothing to do; this question was never begun
             found = await self._schedule(function, arguments)
         return found
 
-    async def _schedule(self, function: Callable[..., Result], arguments: tuple[object, ...]) -> Result:
+    async def _schedule(self, function: Callable[..., T], arguments: tuple[object, ...]) -> T:
         if not self._pool.active:
             broken, self._pool = self._pool, self._make()
             await asyncio.to_thread(_end, broken)
         future = self._pool.schedule(function, args=list(arguments), timeout=self._seconds)
         try:
-            found: Result = await asyncio.wrap_future(future)
+            found: T = await asyncio.wrap_future(future)
         except TimeoutError as error:
             detail = f"the answer took longer than {self._seconds:g} s and was given up; ask for less, or run it on the command line"
             raise WorkerError("took-too-long", "the answer took too long", detail) from error

@@ -18,7 +18,7 @@ from revline.system import DelaySystem
 
 Floats = NDArray[np.float64]
 
-Result = TypeVar("Result")
+T = TypeVar("T")
 
 HALVINGS = 4
 """How many times the step is halved where a run fails by a lag that is not merely shorter than the step."""
@@ -62,10 +62,10 @@ class Mesh(NamedTuple):
     pieces: int = 1
 
 
-class Ended(NamedTuple, Generic[Result]):
+class Ended(NamedTuple, Generic[T]):
     """What a run gave as far as it went, its step in s, and what ended it before its time, if anything did."""
 
-    result: Result
+    result: T
     step: float
     failure: SimulationError | None
 
@@ -123,7 +123,7 @@ def check_steps(mesh: Mesh) -> None:
         )
 
 
-def run_as_far_as_it_goes(run: Callable[[Mesh], Result], mesh: Mesh, halvings: int = HALVINGS) -> Ended[Result]:
+def run_as_far_as_it_goes(run: Callable[[Mesh], T], mesh: Mesh, halvings: int = HALVINGS) -> Ended[T]:
     """Run to the end or to what fails, with smaller steps where a lag fails otherwise than by being shorter than the step.
 
     Args:
