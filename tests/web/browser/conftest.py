@@ -1,4 +1,7 @@
-"""The workbench in a real browser: one server and one browser for the session, a page of its own for each test."""
+"""The workbench in a real browser: one server and one browser for a module, a page of its own for each test.
+
+Not for the session: the browser's loop would go on running in tests that have loops of their own.
+"""
 
 import os
 import re
@@ -42,7 +45,7 @@ class Server:
         self.process = None
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     if PROGRAM is None:
         pytest.skip("no browser here: the page is tried where chromium, chromium-browser or google-chrome is installed")
@@ -54,7 +57,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     running.stop()
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser(server: Server) -> Iterator[Browser]:
     assert server.process is not None
     assert PROGRAM is not None
