@@ -35,6 +35,9 @@ TABLE = HERE.parent / "reference" / "table_4_1.csv"
 LONGEST = 600.0
 """Seconds that one command may take."""
 
+ELSEWHERE = frozenset({"study", "report", "compare", "serve"})
+"""Commands that are tried in a way of their own: the first three below, the server by check_serve.py."""
+
 RUNNING = threading.BoundedSemaphore(PROCESSORS)
 """Lets as many commands run at once as there are processors."""
 
@@ -276,9 +279,7 @@ def check_help(checker: Checker, tried: frozenset[str]) -> None:
     listing = checker.run(("--help",))
     checker.record("revline --help", check_frame(listing, 0))
     names = [line.split()[0] for line in listing.out.partition("Commands:")[2].splitlines() if line.startswith("  ") and line[2] != " "]
-    checker.record(
-        "commands tried", [f"{name} is listed and not tried here" for name in names if name not in tried | {"study", "report", "compare"}]
-    )
+    checker.record("commands tried", [f"{name} is listed and not tried here" for name in names if name not in tried | ELSEWHERE])
     for name in names:
         done = checker.run((name, "--help"))
         faults = check_frame(done, 0)
