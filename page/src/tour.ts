@@ -41,13 +41,13 @@ export const STOPS: readonly Stop[] = [
   },
   {
     title: "On the engine, C1 hunts",
-    text: "The same controller on the nonlinear engine ends in a limit cycle, with the throttle swinging between its limits. The exact loop is unstable: its gain is almost 4 dB too high. No linear model without the delay could tell.",
+    text: "The same controller on the nonlinear engine ends in a limit cycle, with the throttle swinging between its limits. The exact loop is unstable: its gain is 4.8 dB too high. No linear model without the delay could tell.",
     look: ["speed", "throttle", "plane"],
     state: { ...C1, command_rad_s: 60, until_s: 5 },
   },
   {
     title: "A second lag promises any gain",
-    text: "The second-order model fits better and is believed more: without delay it promises stability at any gain. C2 uses it, with kp = 20, ten times too high. The engine hunts again, faster.",
+    text: "The second-order model fits better and is believed more: without delay it promises stability at any gain. C2 uses it, with kp = 20, almost five times too high. The engine hunts again, faster.",
     look: ["numbers", "speed"],
     state: { ...C2, command_rad_s: 60, until_s: 3 },
   },

@@ -80,8 +80,11 @@ def test_numbers_are_those_of_the_command_line(k: int, tmp_path: Path, capsys: p
     agree(found["gains"]["area"], region["area_in_window"], exactly=state.throttle is not None)
     options = ("--throttle", angle, "--step", state.command_rad_s, "--until", state.until_s)
     status = run([str(a) for a in ("loop", gains, *place, *options, "--json", "-q")])
-    out = capsys.readouterr().out
-    if status:  # too short a record for the command; the view runs it longer
+    out, err = capsys.readouterr()
+    if status:  # too short a record for the command, which says so; the view runs it longer
+        assert status == 1
+        assert "simulate" in err, err
+        assert "undecided" in found["loop"] or found["loop"]["until_s"] > state.until_s
         return
     loop = json.loads(out)
     for key in ("outcome", "overshoot", "settling_time_s", "steady_error_rad_s", "limit_cycle", "saturated_share", "throttle_high_deg"):

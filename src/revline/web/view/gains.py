@@ -97,7 +97,10 @@ def view_promises(state: State) -> Mapping[str, Any]:
 
 
 def view_roots(state: State) -> Mapping[str, Any]:
-    """Give the poles of the models and the characteristic roots of the exact plant and loop."""
+    """Give the right-most characteristic roots of the exact plant, and each model's poles and, without delay, those of its loop.
+
+    A model that cannot be fitted is left out here; the part `models` says why.
+    """
     place, gains = place_of(state), gains_of(state)
     point = find_point(place)
     models: dict[str, Any] = {}

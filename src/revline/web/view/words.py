@@ -58,7 +58,7 @@ def _instability(low: float, high: float) -> str:
         return f"unstable, by a gain {-20.0 * math.log10(high):.1f} dB too high"
     if 1.0 < low < math.inf:
         return f"unstable, by a gain {20.0 * math.log10(low):.1f} dB too low"
-    return "unstable, which no common factor of the gains mends"
+    return "unstable, and no common factor of the gains was found to mend it"
 
 
 def _seen(loop: Record, *, stable: bool) -> str:
