@@ -27,6 +27,7 @@ from revline.studies.trials import SCHEDULE, TrialsResult, map_places, trials_fi
 from revline.studies.two_inputs import FIGURE as TWO_INPUTS_FIGURE
 from revline.studies.two_inputs import TwoInputsResult, find_two_inputs, two_inputs_fields, two_inputs_words
 from revline.studies.writing import find_warnings
+from revline.web.parameters import THESIS
 
 NOTHING = (NotFound("a part", "it was not there."),)
 
@@ -84,6 +85,12 @@ def test_points_between_the_nodes_that_were_lost_are_told(results: StudyResults)
     assert lost_words(schedule) == ""
     cut = dataclasses.replace(schedule, lost=(LostPoint(place=(100.0, 40.0), reason="it stalls"),))
     assert lost_words(cut) == " 1 more could not be tried (the first: it stalls)."
+
+
+def test_the_workbench_offers_the_controllers_that_the_study_finds(results: StudyResults) -> None:
+    for name, *offered, _ in THESIS:
+        gains = results.controllers.gains[name.lower()]
+        assert offered == pytest.approx([gains.kp, gains.ki, gains.kd], rel=1e-6), name
 
 
 def test_the_spark_halves_the_droop(results: StudyResults) -> None:

@@ -10,7 +10,7 @@ from revline.engine.lee1995 import lee1995, lee1995_parameters
 from revline.errors import InvalidInputError
 from revline.io.engine_files import format_engine
 from revline.studies.config import read_config
-from revline.web.parameters import THESIS, changed_engine, list_parameters
+from revline.web.parameters import changed_engine, list_parameters
 from revline.web.state import State, parse_state
 from revline.web.study_file import format_study
 
@@ -75,14 +75,6 @@ def test_every_parameter_is_listed_with_its_unit_meaning_and_range() -> None:
     assert len(rows) == sum(len(part) for part in lee1995_parameters(lee1995()))
     assert all(row["low"] <= row["value"] <= row["high"] for row in rows.values())
     assert all(row["source"] for row in rows.values())
-
-
-def test_the_controllers_offered_are_those_of_the_study() -> None:
-    """Computed by `revline study`; the study's own tests hold them against the thesis."""
-    assert [name for name, *_ in THESIS] == ["C1", "C2", "C2d"]
-    assert THESIS[0][1:4] == pytest.approx((2.15361, 16.85464, 0.0), abs=1e-5)
-    assert THESIS[1][1:4] == pytest.approx((20.0, 98.3774, 0.4), abs=1e-4)
-    assert THESIS[2][1:4] == pytest.approx((1.2, 2.16754, 0.1), abs=1e-5)
 
 
 @pytest.mark.parametrize(
