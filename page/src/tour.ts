@@ -41,7 +41,7 @@ export const STOPS: readonly Stop[] = [
   },
   {
     title: "On the engine, C1 hunts",
-    text: "The same controller on the nonlinear engine ends in a limit cycle, with the throttle swinging between its limits. The exact loop is unstable: its gain is 4.8 dB too high. No linear model without the delay could tell.",
+    text: "The same controller on the nonlinear engine ends in a limit cycle, its throttle swinging by more than 40 deg. The exact loop is unstable: its gain is 4.8 dB too high. No linear model without the delay could tell.",
     look: ["speed", "throttle", "plane"],
     state: { ...C1, command_rad_s: 60, until_s: 5 },
   },

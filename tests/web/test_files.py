@@ -205,3 +205,14 @@ def test_a_file_is_answered_as_json() -> None:
     found = answer_file("engine", "mine.toml", {}, format_engine(changed_engine("lee1995", ())).encode("utf-8-sig"))
     assert found.status == 200
     assert json.loads(found.body)["changes"] == []
+
+
+def test_a_record_with_a_gap_or_a_still_output_tells_no_response() -> None:
+    times = np.arange(0.0, 60.0, 0.01)
+    moved = np.sin(3.0 * times)
+    cut = (times < 20.0) | (times > 40.0)
+    names, units = ("throttle", "engine_speed"), ("deg", "rad/s")
+    with pytest.raises(InvalidInputError, match=r"a gap of 20\.\d* s at 19\.99 s, where its samples usually lie 0\.01 s apart"):
+        estimate_response(times[cut], moved[cut], 2.0 * moved[cut], names=names, units=units)
+    with pytest.raises(InvalidInputError, match="engine_speed does not move in this record"):
+        estimate_response(times, moved, np.full(times.size, 240.0), names=names, units=units)

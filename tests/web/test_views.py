@@ -13,7 +13,8 @@ from revline.cli import run
 from revline.io.engine_files import format_engine
 from revline.web.answers import LIVE, answer
 from revline.web.parameters import THESIS, changed_engine
-from revline.web.state import parse_state
+from revline.web.state import State, parse_state
+from revline.web.view import build
 from revline.web.view.build import PARTS, make_view
 from revline.web.view.drawing import drawn, thin
 
@@ -232,6 +233,69 @@ def test_load_and_throttle_steps_are_answered() -> None:
     end = step["loop"]["speed_rad_s"][-1]
     assert end == pytest.approx(301.2, abs=1.0)
     assert step["answers"]["g2d"]["speed_rad_s"][-1] == pytest.approx(end, rel=0.02)
+
+
+def test_a_load_that_stalls_hunts_or_goes_on_is_said_to() -> None:
+    """An engine that stalls, one whose fall is not over, and gains that hunt: words and measures say so, and claim no more."""
+    gains = {"step": "load", "kp": 1.2, "ki": 2.0, "kd": 0.1}
+    stalled = view({**gains, "load_step_n_m": 400.0, "until_s": 10.0}, "loop", "words")
+    assert "stalled" in stalled["loop"]["ended"]
+    assert "iae_rad" not in stalled["loop"]
+    assert "on the engine: stalled" in stalled["words"]["verdict"]
+    assert any("as far as it is shown" in line for line in stalled["words"]["lines"])
+    falling = view({**gains, "load_step_n_m": 100.0}, "loop", "words")
+    assert falling["loop"]["still_moving"] is True
+    assert falling["loop"]["saturated_share"] > 0.5
+    assert "still moves away at the end" in falling["words"]["verdict"]
+    hunting = view({**gains, "kp": 20.0, "ki": 98.0, "kd": 0.4, "until_s": 10.0}, "loop", "words")
+    assert hunting["loop"]["outcome"] == "limit-cycle"
+    assert "the engine hunts between" in hunting["words"]["verdict"]
+    calm = view({**gains, "until_s": 10.0}, "loop")["loop"]
+    assert calm["outcome"] == "settled"
+    assert calm["iae_rad"] > 0.5 * calm["droop_rad_s"] * calm["droop_at_s"]
+
+
+def test_what_a_model_answers_does_not_depend_on_the_time_shown() -> None:
+    gains = {"kp": 20.0, "ki": 400.0, "kd": 0.05}
+    short, long = (view({**gains, "until_s": until}, "answers")["answers"]["g2"]["overshoot"] for until in (4.0, 20.0))
+    assert short == pytest.approx(long, rel=2e-3)
+    assert "overshoot" not in view({"until_s": 0.1}, "answers")["answers"]["g2d"]
+
+
+def test_short_lags_are_run_in_short_steps() -> None:
+    state = {"step": "load", "parameters": {"delays.spark_to_torque": 0.2}}
+    assert "problem" not in view(state, "loop")["loop"]
+    undecided = view({"until_s": 0.1, "parameters": {"delays.spark_to_torque": 0.2}}, "loop")["loop"]
+    assert "problem" not in undecided
+
+
+def test_an_engine_that_stalls_without_a_controller_is_shown_until_then() -> None:
+    found = view({"step": "throttle", "throttle_step_deg": -24.0}, "loop", "words")
+    assert "stalled" in found["loop"]["ended"]
+    assert 0.5 < found["loop"]["time_s"][-1] < 1.3
+    assert found["words"]["verdict"].startswith("with the controller stable")
+    assert "on the engine: stalled" in found["words"]["verdict"]
+
+
+def test_limits_that_exclude_the_point_name_their_control() -> None:
+    for entries, control in (
+        ({"low_deg": 30.0, "high_deg": 40.0}, "low_deg"),
+        ({"high_deg": 20.0}, "high_deg"),
+        ({"throttle_deg": 85.0}, "throttle_deg"),
+    ):
+        problem = view(entries, "loop")["loop"]["problem"]
+        assert problem["control"] == control
+        assert "the throttle rests at" in problem["detail"]
+
+
+def test_a_part_without_memory_leaves_the_others_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    def hoard(_: State) -> Any:
+        raise MemoryError
+
+    monkeypatch.setattr(build, "PARTS", {**build.PARTS, "cycle": hoard})
+    found = make_view(parse_state({}), ["cycle", "point"])["parts"]
+    assert found["cycle"]["problem"]["type"] == "/problems/out-of-memory"
+    assert found["point"]["stable"] is True
 
 
 def test_series_are_thinned_without_losing_an_extreme() -> None:

@@ -41,6 +41,9 @@ MOST_POINTS = 80
 EXCITED = 1e-6
 """Frequencies at which the input has less than this part of its largest power are left out."""
 
+WIDEST_GAP = 5.0
+"""A distance between samples that is this many times the usual one is a gap."""
+
 TRUSTED = 0.8
 """Coherence from which on a frequency is kept."""
 
@@ -52,7 +55,8 @@ class LoggedResponse:
     Attributes:
         response: output per input.
         coherence: part of the output's power that the input explains, shape (n,).
-        deviation: one standard deviation of the magnitude, as a fraction of it, shape (n,).
+        deviation: one standard deviation of the magnitude, as a fraction of it, shape (n,): its random part alone, without what leaks
+            from one frequency to another or is lost between samples, which near the top of the band can be much more.
         stretches: how many independent ones were averaged.
         left_out: how many frequencies in the band had too little coherence or input.
     """
@@ -83,13 +87,14 @@ def estimate_response(
         The response where the coherence is at least 0.8.
 
     Raises:
-        InvalidInputError: the record is too short, or the input does not move.
+        InvalidInputError: the record is too short or has a gap, or the input or the output does not move.
         AnalysisError: at no frequency does the input explain the output.
     """
     clock, u, y = _evenly(times, moved, watched)
-    if float(np.ptp(u)) == 0.0:
-        message = f"{names[0]} does not move in this record; log one in which it does"
-        raise InvalidInputError(message, quantity=names[0])
+    for name, values in zip(names, (u, y), strict=True):
+        if float(np.ptp(values)) == 0.0:
+            message = f"{name} does not move in this record; log one in which it does"
+            raise InvalidInputError(message, quantity=name)
     step = float(clock[1] - clock[0])
     length = max(FEWEST_PER_STRETCH, clock.size // STRETCHES)
     options = {"fs": 1.0 / step, "nperseg": length, "detrend": "linear"}
@@ -133,6 +138,14 @@ def _evenly(times: ArrayLike, moved: ArrayLike, watched: ArrayLike) -> tuple[Flo
     if t.size < FEWEST_SAMPLES:
         message = f"a record of {t.size} samples is too short to tell a frequency response; give {FEWEST_SAMPLES} or more"
         raise InvalidInputError(message, samples=float(t.size))
+    steps = np.diff(t)
+    usual, widest = float(np.median(steps)), int(np.argmax(steps))
+    if float(steps[widest]) > WIDEST_GAP * usual:
+        message = (
+            f"the record has a gap of {steps[widest]:.4g} s at {t[widest]:.6g} s, where its samples usually lie {usual:.4g} s apart; what "
+            "is not recorded tells no response: give one stretch without gaps"
+        )
+        raise InvalidInputError(message, gap=float(steps[widest]), at=float(t[widest]))
     clock = np.linspace(t[0], t[-1], t.size)
     return clock, np.interp(clock, t, u), np.interp(clock, t, y)
 

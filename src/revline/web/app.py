@@ -4,7 +4,7 @@ import asyncio
 import json
 import os
 import time
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from http import HTTPStatus
 from importlib import resources
@@ -246,7 +246,7 @@ async def _view(desk: Desk, asked: ViewRequest) -> bytes:
     shares = [(desk.workers, [name for name in needed if name in group]) for group in GROUPS]
     shares.append((desk.slow, [name for name in needed if not any(name in group for group in GROUPS)]))
     found: dict[str, bytes] = {}
-    for share in await asyncio.gather(*(workers.ask(answer_parts, entries, share) for workers, share in shares if share)):
+    for share in await asyncio.gather(*(find_share(workers, entries, names) for workers, names in shares if names)):
         found |= share
     kept = [(name, found[name]) for name in wanted]
     if WORDS in asked.parts:
@@ -254,6 +254,21 @@ async def _view(desk: Desk, asked: ViewRequest) -> bytes:
         kept.append((WORDS, format_compact_json(words).encode()))
     parts = b",".join(b'"' + name.encode() + b'":' + body for name, body in kept)
     return b'{"parts":{' + parts + b'},"seconds":' + f"{time.perf_counter() - began:.6f}".encode() + b"}"
+
+
+async def find_share(workers: Workers, entries: dict[str, Any], names: list[str]) -> Mapping[str, bytes]:
+    """Have some parts found; where their process gives no answer, that is the problem of these parts and of no others.
+
+    Args:
+        workers: that find them.
+        entries: the state.
+        names: of the parts.
+    """
+    try:
+        return await workers.ask(answer_parts, entries, names)
+    except WorkerError as error:
+        body = format_compact_json({"problem": error.problem}).encode()
+        return dict.fromkeys(names, body)
 
 
 def _page() -> APIRouter:

@@ -67,7 +67,7 @@ def find_point(place: Place) -> Point:
     found = _try_point(place)
     if isinstance(found, Point):
         return found
-    raise found
+    raise found.with_traceback(None)  # kept, and raised again for each part that asks
 
 
 @lru_cache(maxsize=KEPT)
@@ -115,18 +115,26 @@ def gains_of(state: State) -> PidGains:
     )
 
 
-def limits_of(state: State, engine: DelaySystem) -> Limits:
+def limits_of(state: State, point: Point) -> Limits:
     """Limits of the throttle: those asked for, else 0 and where it saturates.
 
     Raises:
-        InvalidInputError: the lower one is not below the upper one.
+        InvalidInputError: the lower one is not below the upper one, or the angle at rest is not within them.
     """
-    saturation = lee1995_parameters(engine).throttle.saturation_angle
+    saturation = lee1995_parameters(point.engine).throttle.saturation_angle
     low = 0.0 if state.low_deg is None else state.low_deg
     high = saturation if state.high_deg is None else state.high_deg
     if not low < high:
         message = f"low_deg = {low:g} deg is not below high_deg = {high:g} deg; give limits with room between them"
         raise InvalidInputError(message, control="low_deg", low=low, high=high)
+    angle = point.trim.input("throttle")
+    if not low <= angle <= high:
+        asked = "low_deg" if angle < low else "high_deg"
+        control = asked if getattr(state, asked) is not None else "throttle_deg" if state.speed_rad_s is None else "speed_rad_s"
+        message = (
+            f"the throttle rests at {angle:.4g} deg, outside its limits of {low:g} to {high:g} deg; give other limits, or another point"
+        )
+        raise InvalidInputError(message, control=control, low=low, high=high, angle=angle)
     return Limits(low, high)
 
 

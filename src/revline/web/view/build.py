@@ -2,12 +2,13 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from http import HTTPStatus
 from types import MappingProxyType
 from typing import Any, Final
 
 from revline.errors import InvalidInputError, RevlineError, suggestion
 from revline.web.plants import control_of
-from revline.web.problems import problem_of
+from revline.web.problems import make_problem, problem_of
 from revline.web.state import State
 from revline.web.view.gains import view_contours, view_gains, view_margins, view_promises, view_roots
 from revline.web.view.loops import view_answers, view_cycle, view_loop
@@ -73,3 +74,7 @@ def find_part(name: str, state: State) -> Mapping[str, Any]:
         return PARTS[name](state)
     except RevlineError as error:
         return {"problem": problem_of(error, control=control_of(error, state))}
+    except MemoryError:
+        detail = f"the part {name} needs more memory than a process may have; ask for less, or run it on the command line"
+        status = HTTPStatus.SERVICE_UNAVAILABLE
+        return {"problem": make_problem("out-of-memory", "the answer needs too much memory", detail, status=status)}

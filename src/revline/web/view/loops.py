@@ -10,18 +10,20 @@ from numpy.typing import NDArray
 
 from revline import signals
 from revline.design.controllers.controller import PidGains
+from revline.design.loops.classify import classify_outcome
 from revline.design.loops.closed_loop import Limits, LoopTask, record_loop, trace_linear_loop
 from revline.design.loops.hunting import UnrefinedCycle, refine_cycle, run_to_its_end
 from revline.design.loops.loop_run import LoopRun
+from revline.design.loops.loop_simulation import LoopRecord, LoopTrace
 from revline.design.loops.outcome import LimitCycle
 from revline.design.loops.step_measures import measure_overshoot
 from revline.design.plants.loop_signals import operating_point
 from revline.design.stability.loop_stability import StableLoop, judge_loop_stability
-from revline.errors import InvalidInputError, NotSettledError, RevlineError
+from revline.errors import InvalidInputError, NotSettledError, RevlineError, SimulationError
 from revline.io.cycle_records import orbit_record, run_record, unrefined_record
 from revline.io.loop_records import loop_record
-from revline.studies.steps import throttle_run
-from revline.web.plants import MODELS, Place, find_point, fit_model, gains_of, limits_of, place_of
+from revline.studies.steps import LAG_SHARE, in_short_steps, throttle_run
+from revline.web.plants import MODELS, Place, Point, find_point, fit_model, gains_of, limits_of, place_of
 from revline.web.state import State
 from revline.web.view.drawing import drawn, thin
 
@@ -30,8 +32,11 @@ Floats = NDArray[np.float64]
 STEP: Final = 1e-3
 """Step in s of the engine's simulation where its lags allow it."""
 
-POINTS: Final = 500
-"""So many points of a model's answer are computed."""
+MOST_STEPS: Final = 10_000
+"""A model's answer is computed in steps of 1 ms, or so many where it lasts longer."""
+
+LEAST_SHOWN: Final = 0.02
+"""A run that ends earlier than this, in s, is not shown."""
 
 BEYOND: Final = 20.0
 """An unstable model's answer is drawn until it is this many times the step away."""
@@ -88,7 +93,7 @@ def _engine_answer(state: State) -> Mapping[str, Any]:
         run = _run(place, gains, limits, command, until)
     except NotSettledError as error:
         point = find_point(place)
-        task = LoopTask(command=command, until=until, step=STEP)
+        task = LoopTask(command=command, until=until, step=_step_of(point))
         _, record = record_loop(point.engine, operating_point(point.trim), _gains(gains), task, limits=limits)
         trace = record.trace
         return {"undecided": str(error), **_trace(trace.times, trace.output, trace.control)}
@@ -98,7 +103,7 @@ def _engine_answer(state: State) -> Mapping[str, Any]:
 
 def _asked(state: State) -> tuple[Place, tuple[float, float, float], Limits, float, float]:
     place = place_of(state)
-    limits = limits_of(state, find_point(place).engine)
+    limits = limits_of(state, find_point(place))
     return place, (state.kp, state.ki, state.kd), limits, state.command_rad_s, state.until_s
 
 
@@ -110,9 +115,17 @@ def _gains(values: tuple[float, float, float]) -> PidGains:
 @lru_cache(maxsize=32)
 def _run(place: Place, gains: tuple[float, float, float], limits: Limits, command: float, until: float) -> LoopRun:
     point = find_point(place)
-    step = min(STEP, 0.5 * float(min(point.trim.lags, default=math.inf)))
-    task = LoopTask(command=command, until=until, step=step)
+    task = LoopTask(command=command, until=until, step=_step_of(point))
     return run_to_its_end(point.engine, operating_point(point.trim), _gains(gains), task, limits=limits)
+
+
+def _step_of(point: Point) -> float:
+    """Step in s that the lags at rest allow."""
+    return min(STEP, LAG_SHARE * float(min(point.trim.lags, default=math.inf)))
+
+
+def _model_step(until: float) -> float:
+    return max(STEP, until / MOST_STEPS)
 
 
 def _model_answer(state: State, name: str) -> Mapping[str, Any]:
@@ -120,14 +133,14 @@ def _model_answer(state: State, name: str) -> Mapping[str, Any]:
     model = fit_model(place, state.amplitude_deg, name).fit.model
     point = find_point(place)
     start, rest = point.trim.output("engine_speed"), point.trim.input("throttle")
-    trace = trace_linear_loop(model, gains, LoopTask(command=state.command_rad_s, until=state.until_s, step=state.until_s / POINTS))
+    trace = trace_linear_loop(model, gains, LoopTask(command=state.command_rad_s, until=state.until_s, step=_model_step(state.until_s)))
     far = np.flatnonzero(np.abs(trace.output) > BEYOND * abs(state.command_rad_s))
     if far.size:
         trace = trace.first(max(int(far[0]), 2))
     stable = isinstance(judge_loop_stability(model, gains), StableLoop)
     record: dict[str, Any] = {"stable": stable}
-    if stable:
-        command = state.command_rad_s
+    command = state.command_rad_s
+    if stable and int(np.argmax(trace.output * np.sign(command))) < trace.output.size - 1:  # else it may go on rising
         record["overshoot"] = measure_overshoot(trace.times, trace.output, start=0.0, target=command, command=command)
     return {**record, **_trace(trace.times, start + trace.output, rest + trace.control)}
 
@@ -138,12 +151,15 @@ def _load_answer(state: State) -> Mapping[str, Any]:
         message = "load_step_n_m = 0 N m moves nothing; give a size other than 0"
         raise InvalidInputError(message, control="load_step_n_m")
     point, gains = find_point(place_of(state)), gains_of(state)
-    limits = limits_of(state, point.engine)
-    start = point.trim.output("engine_speed")
+    limits = limits_of(state, point)
     loads = (("load_torque", signals.step(state.load_step_n_m)),)
-    task = LoopTask(command=TINY, until=state.until_s, step=STEP, loads=loads)
-    _, record = record_loop(point.engine, operating_point(point.trim), gains, task, limits=limits)
-    trace, failure = record
+
+    def run(pieces: int) -> LoopRecord:
+        task = LoopTask(command=TINY, until=state.until_s, step=STEP / pieces, loads=loads)
+        return record_loop(point.engine, operating_point(point.trim), gains, task, limits=limits)[1]
+
+    trace, failure = in_short_steps(run, STEP, point.trim.lags)
+    start = point.trim.output("engine_speed")
     error = trace.output - start
     worst = int(np.argmax(np.abs(error)))
     found: dict[str, Any] = {
@@ -151,12 +167,26 @@ def _load_answer(state: State) -> Mapping[str, Any]:
         "droop_rad_s": float(abs(error[worst])),
         "droop_at_s": float(trace.times[worst]),
         "end_error_rad_s": float(error[-1]),
-        "iae_rad": float(np.trapezoid(np.abs(error), trace.times)),
+        "saturated_share": float(np.mean((trace.control <= limits.low) | (trace.control >= limits.high))),
         "limits_deg": list(limits),
+        **({"ended": str(failure)} if failure is not None else _load_outcome(trace, start, worst)),
     }
-    if failure is not None:
-        found["ended"] = str(failure)
     return {**found, **_trace(trace.times, trace.output, trace.control)}
+
+
+def _load_outcome(trace: LoopTrace, start: float, worst: int) -> dict[str, Any]:
+    """How the loop ends after a step of its load, judged by its droop; the integral of the error only where it comes to rest."""
+    error = trace.output - start
+    if worst == error.size - 1:
+        return {"still_moving": True}
+    try:
+        outcome = classify_outcome(trace.times, trace.output, target=start, command=float(abs(error[worst])))
+    except NotSettledError as undecided:
+        return {"undecided": str(undecided)}
+    if isinstance(outcome, LimitCycle):
+        cycle = {"low_rad_s": outcome.low, "high_rad_s": outcome.high, "period_s": outcome.period}
+        return {"outcome": outcome.name, "limit_cycle": cycle}
+    return {"outcome": outcome.name, "iae_rad": float(np.trapezoid(np.abs(error), trace.times))}
 
 
 TINY: Final = 1e-12
@@ -175,18 +205,26 @@ def _check_throttle_step(state: State) -> None:
 
 
 def _throttle_answer(state: State) -> Mapping[str, Any]:
-    """The engine after a step of its throttle, without a controller."""
+    """The engine after a step of its throttle, without a controller; as far as it goes."""
     _check_throttle_step(state)
     point = find_point(place_of(state))
-    run = throttle_run(point.engine, point.trim, signals.step(state.throttle_step_deg), state.until_s)
-    start = point.trim.output("engine_speed")
-    return {"start_rad_s": start, **_trace(run.times, run.output("engine_speed"), run.input("throttle"))}
+    signal = signals.step(state.throttle_step_deg)
+    record: dict[str, Any] = {"open_loop": True, "start_rad_s": point.trim.output("engine_speed")}
+    try:
+        run = throttle_run(point.engine, point.trim, signal, state.until_s)
+    except SimulationError as error:
+        lasted = STEP * (math.floor(float(error.details.get("time", 0.0)) / STEP) - 1)
+        if lasted < LEAST_SHOWN:
+            raise
+        run = throttle_run(point.engine, point.trim, signal, lasted)
+        record["ended"] = str(error)
+    return {**record, **_trace(run.times, run.output("engine_speed"), run.input("throttle"))}
 
 
 def _model_to_throttle(state: State, name: str) -> Mapping[str, Any]:
     point, size = find_point(place_of(state)), state.throttle_step_deg
     model = fit_model(place_of(state), state.amplitude_deg, name).fit.model
-    times = np.linspace(0.0, state.until_s, POINTS)
+    times = np.arange(0.0, state.until_s, _model_step(state.until_s))
     angle, start = point.trim.input("throttle"), point.trim.output("engine_speed")
     return _trace(times, start + size * model.step_response(times), np.full(times.size, angle + size))
 

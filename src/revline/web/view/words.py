@@ -31,7 +31,7 @@ def verdict(point: Record, margins: Record, promises: Record, loop: Record) -> s
     """Say in one line how the loop is: by its exact linear model, on the engine, and what the models without delay would have said."""
     if "problem" in margins:
         return f"nothing can be said of the loop: {margins['problem']['detail']}"
-    parts = [_stability(margins)]
+    parts = [f"with the controller {_stability(margins)}" if loop.get("open_loop") else _stability(margins)]
     seen = _seen(loop, stable=bool(margins["stable"]))
     if seen:
         parts.append(seen)
@@ -65,15 +65,25 @@ def _seen(loop: Record, *, stable: bool) -> str:
     """What the engine itself does, where that is more than the linear loop says."""
     if "problem" in loop:
         return f"the engine was not run: {loop['problem']['detail']}"
-    if "undecided" in loop:
-        return "on the engine the time run does not tell how it ends"
+    unfinished = _unfinished(loop)
+    if unfinished:
+        return unfinished
     outcome = loop.get("outcome")
     if outcome == "limit-cycle":
         cycle = loop["limit_cycle"]
         return f"the engine hunts between {cycle['low_rad_s']:.1f} and {cycle['high_rad_s']:.1f} rad/s, every {cycle['period_s']:.3f} s"
     if outcome in {"stalled", "diverged"}:
-        return f"on the engine: {loop['summary']}"
-    return _rest(loop, stable=stable) if outcome == "settled" else ""
+        return f"on the engine: {loop.get('summary', outcome)}"
+    return _rest(loop, stable=stable) if outcome == "settled" and "steady_error_rad_s" in loop else ""
+
+
+def _unfinished(loop: Record) -> str:
+    """What is to be said of a run that ended before its time, or does not tell how it ends."""
+    if "ended" in loop:
+        return f"on the engine: {loop['ended']}"
+    if "still_moving" in loop:
+        return "after the load's step the engine still moves away at the end of the time shown"
+    return "on the engine the time run does not tell how it ends" if "undecided" in loop else ""
 
 
 def _rest(engine: Record, *, stable: bool) -> str:
@@ -128,6 +138,7 @@ def _engine_lines(margins: Record, loop: Record) -> Iterator[str]:
     if engine.get("saturated_share", 0.0) > 0.0:
         yield f"The throttle is at a limit {100.0 * engine['saturated_share']:.0f} % of the time."
     if "droop_rad_s" in engine:
-        yield f"After the load's step the speed moves by {engine['droop_rad_s']:.2f} rad/s at most."
+        seen = ", as far as it is shown" if "ended" in engine or "still_moving" in engine else " at most"
+        yield f"After the load's step the speed moves by {engine['droop_rad_s']:.2f} rad/s{seen}."
     if "delay_margin_s" in margins and margins.get("stable"):
         yield f"The loop stands {1e3 * margins['delay_margin_s']:.1f} ms more delay."
