@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 import typst
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from revline.errors import AnalysisError, InvalidInputError
@@ -24,6 +24,7 @@ from revline.report.typst_source import TypstWriter
 
 HOSTILE = "#$*_`@<>\\[]{}()=-+/~'\";:,.!?|^&% \n\t\0a1"
 WRITER = TypstWriter({}, {})
+JOINER = "\N{WORD JOINER}"
 
 
 def ask(source: str) -> object:
@@ -56,9 +57,12 @@ def test_a_string_literal_is_the_text(text: str) -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(st.text(st.characters(), max_size=30) | st.text(st.sampled_from(HOSTILE), max_size=30))
+@example("rad/s")
 def test_every_text_is_shown_literally(text: str) -> None:
+    """But for the invisible joiner that keeps a line from being broken behind a slash, whose place has a test of its own."""
     content = WRITER.text((text, Emphasis(text), Strong(text), Code(text)))
-    assert words_of(ask(f"#metadata({content}) <probe>")) == one_line(text) * 4
+    shown, wanted = words_of(ask(f"#metadata({content}) <probe>")), one_line(text) * 4
+    assert shown.replace(JOINER, "") == wanted.replace(JOINER, "")
 
 
 def test_the_test_above_would_see_markup() -> None:
