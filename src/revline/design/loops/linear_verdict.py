@@ -167,6 +167,10 @@ def _find_range(
     below, above = [one for one in ranges if one[1] < 1.0][::-1], [one for one in ranges if one[0] > 1.0][:TRIES]
     for low, high in (*below[:TRIES], *below[TRIES:][-1:], *above):  # the lowest range is asked in any case
         middle = math.sqrt(low * high) if low > 0.0 and math.isfinite(high) else 0.9 * high if low == 0.0 else 1.1 * low
-        if stable(replace(controller, gains=gains.scaled(kp=middle, ki=middle, kd=middle))):
+        try:
+            found = stable(replace(controller, gains=gains.scaled(kp=middle, ki=middle, kd=middle)))
+        except NotConvergedError:  # a range too narrow to be told from its ends; that the loop as it is is unstable stands
+            continue
+        if found:
             return low, high
     return None
