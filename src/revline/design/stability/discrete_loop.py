@@ -41,7 +41,7 @@ ENOUGH_LEFT_OUT, LARGEST_LEFT_OUT = 1e-5, 1e-4
 """What is left out of the sum, as a part of the sum: where the doubling ends, and what is refused with the most terms. A lag behind a whole
 number of periods comes between: all its terms have one sign."""
 
-AT_HALF = 1e-6
+AT_HALF = 1e-4
 """A crossing this near to half the sampling frequency, as a part of it, is the one there, where the loop is real in any case."""
 
 LOWEST_SHARE = 1e-6
