@@ -57,9 +57,11 @@ class LinearVerdict:
             return ""
         count = f"{self.unstable_poles:g}" if math.isfinite(self.unstable_poles) else "infinitely many"
         noun = "pole" if self.unstable_poles == 1 else "poles"
-        return f"the linear loop at the operating point is unstable, with {count} {noun} {self.where}{self._remedy()}"
+        return f"the linear loop at the operating point is unstable, with {count} {noun} {self.where}{self.remedy}"
 
-    def _remedy(self) -> str:
+    @property
+    def remedy(self) -> str:
+        """With which multiple of its gains an unstable loop would be stable, as the end of a sentence; empty where there are no margins."""
         if self.stable_range is None:
             return "; no common factor of its gains was found to mend it" if self.margins is not None else ""
         low, high = self.stable_range
