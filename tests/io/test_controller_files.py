@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from revline.design.controllers.controller import LAW, PidGains
+from revline.design.controllers.pid_controller import PidController
 from revline.errors import InvalidInputError
-from revline.io.controller_files import controller_record, read_controller, write_controller
+from revline.io.controller_files import controller_record, parse_controller, read_controller, write_controller
 from revline.io.json_files import format_json, parse_json
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
