@@ -16,7 +16,7 @@ from revline.studies.config import StudyConfig
 from revline.studies.content_design import design_section
 from revline.studies.made import Made
 from revline.studies.material import Material
-from revline.studies.operating_map import MAP_FIGURE, SCHEDULE_FIGURE, MapResult, lost_words, map_fields, map_words
+from revline.studies.operating_map import MAP_FIGURE, SCHEDULE_FIGURE, MapResult, limit_words, lost_words, map_fields, map_words
 from revline.studies.results import NotFound, attempt
 from revline.studies.rivals import FIGURE as RIVALS_FIGURE
 from revline.studies.rivals import rivals_fields, rivals_words
@@ -40,7 +40,7 @@ def without(results: StudyResults) -> StudyResults:
         results,
         rivals=dataclasses.replace(results.rivals, compared=compared, ultimate=(), missing=NOTHING),
         operating_map=MapResult(
-            gains=dataclasses.replace(results.operating_map.gains, points=lost), box=(), nodes=(), schedule=(), missing=NOTHING
+            gains=dataclasses.replace(results.operating_map.gains, points=lost), box=(), limit=(), nodes=(), schedule=(), missing=NOTHING
         ),
         trials=TrialsResult(optimum=(), trials=(), missing=NOTHING),
         two_inputs=TwoInputsResult(plants=(), spark=-20.0, limited_by="", warnings=(), missing=NOTHING),
@@ -61,6 +61,12 @@ def test_the_schedule_keeps_its_bound_where_no_gains_do_and_is_accepted(results:
     (schedule,), (box,) = found.schedule, found.box
     assert schedule.worst <= schedule.peak == 2.0
     assert 0.2 < box.share < 0.5
+    (limit,) = found.limit
+    assert limit.complete
+    assert box.share <= limit.share <= 1.25 * box.share
+    assert f"more than {100.0 * limit.share:.0f} % of the map: {len(limit.ruled)} proofs, each by a cover" in map_words(found)
+    cut = dataclasses.replace(limit, complete=False)
+    assert limit_words(cut).endswith("nearer to the box that was found they could not be brought.")
     assert "only if it does little" in map_words(found)
     trials = {one.name: one.summary for one in results.trials.trials}
     assert trials[SCHEDULE].passed

@@ -108,6 +108,8 @@ def _own_checks(config: StudyConfig, results: "StudyResults") -> Iterator[Check]
         yield _check("largest difference of an optimum's Ms to that of its exact loop", gap, 0.0, 0.01)
     for schedule in results.operating_map.schedule:
         yield _check("highest Ms of the schedule above its bound", max(0.0, schedule.worst - schedule.peak), 0.0, 0.0)
+    for box, limit in zip(results.operating_map.box, results.operating_map.limit, strict=False):
+        yield _check("share that no box of fixed gains exceeds, by proofs, over the found box's", limit.share / box.share, 1.125, 0.125)
     for spectrum in results.spectra:
         distance = spectrum.offset / spectrum.spectrum.resolution
         yield _check(f"spectral peak at {spectrum.omega:g} rad/s off the input's frequency, in resolutions", distance, 0.0, 1.0)
