@@ -23,7 +23,7 @@ from revline.studies.rivals import rivals_fields, rivals_words
 from revline.studies.study_results import StudyResults
 from revline.studies.tables import study_tables
 from revline.studies.trials import FIGURE as TRIALS_FIGURE
-from revline.studies.trials import SCHEDULE, TrialsResult, map_places, trials_fields
+from revline.studies.trials import FIXED, SCHEDULE, TrialsResult, map_points, rest_places, trials_fields
 from revline.studies.two_inputs import FIGURE as TWO_INPUTS_FIGURE
 from revline.studies.two_inputs import TwoInputsResult, find_two_inputs, two_inputs_fields, two_inputs_words
 from revline.studies.writing import find_warnings
@@ -73,13 +73,15 @@ def test_the_schedule_keeps_its_bound_where_no_gains_do_and_is_accepted(results:
     assert len(trials[SCHEDULE].places) == 6
     assert not trials["c2d"].passed
     assert trials["optimum"].passed
+    assert trials[FIXED].passed
+    assert [dict(place.place) for place in trials[FIXED].places] == [{"throttle": a, "load_torque": b} for a, b in box.box.corners]
 
 
 def test_points_that_cannot_be_tried_are_told() -> None:
     """Under 100 N m the engine does not rest at 15.5 deg, so that the schedule is tried at fewer points, and that is said."""
     config = StudyConfig(map_load_n_m=(0.0, 100.0))
     engine = lee1995()
-    places, lost = map_places({engine.name: engine}, config)
+    places, lost = rest_places({engine.name: engine}, SCHEDULE, map_points(config))
     assert len(places) == 5
     ((what, reason),) = lost
     assert what == "schedule at 15.5 deg, 100 N m, lee1995"
@@ -149,7 +151,7 @@ def test_what_was_not_found_is_said_and_not_drawn(config: StudyConfig, results: 
 def test_the_section_has_a_table_for_each_comparison(config: StudyConfig, results: StudyResults, tmp_path: object) -> None:
     section = design_section(material(config, results, tmp_path))
     tables = [block for part in section.sections for block in part.blocks if isinstance(block, TableBlock)]
-    assert [len(table.rows) for table in tables] == [len(results.rivals.compared.competitors), 5, 8]
+    assert [len(table.rows) for table in tables] == [len(results.rivals.compared.competitors), 5, 12]
     names = {table.name for table in study_tables(config, results)}
     assert {"optimum_comparison", "gain_schedule", "acceptance"} <= names
 

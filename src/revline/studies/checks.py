@@ -11,7 +11,7 @@ from revline.studies.config import StudyConfig, read_table_4_1
 from revline.studies.results import title
 from revline.studies.routes import route_measures
 from revline.studies.stability_results import AT_START, AT_TARGET
-from revline.studies.trials import SCHEDULE
+from revline.studies.trials import FIXED, SCHEDULE
 
 if TYPE_CHECKING:
     from revline.studies.results import ModelsResult
@@ -271,7 +271,7 @@ def _design_checks(results: "StudyResults") -> Iterator[Check]:
             "ultimate gain by the relay over what its exact model reads", found.relay.ultimate.gain / found.predicted.gain, 1.0, 3e-3
         )
         yield _check("ultimate gain by bisection over the exact one, sampled", found.bisection.gain / found.sampled.gain, 1.0, 0.01)
-    for name, passes in (("c2d", False), ("optimum", True), (SCHEDULE, True)):
+    for name, passes in (("c2d", False), ("optimum", True), (FIXED, True), (SCHEDULE, True)):
         trial = results.trials.trial(name)
         passed = trial is not None and trial.summary.passed
         yield _check(f"{name}: passes the acceptance (1) or not (0)", float(passed), float(passes), 0.0)
