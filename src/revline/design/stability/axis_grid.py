@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize.elementwise import find_minimum, find_root
 
+from revline.design.stability.bracket_search import Ends, find_lowest, find_roots
 from revline.errors import NotConvergedError
 from revline.units import Seconds
 
@@ -102,8 +102,10 @@ def roots_of_each(
     which = np.repeat(np.arange(len(changes)), [at.size for at in changes])
     if not which.size:
         return tuple(np.array([]) for _ in functions)
-    low, high = (np.concatenate([places[at + after] for (places, _), at in zip(filled, changes, strict=True)]) for after in (0, 1))
-    found = np.asarray(find_root(lambda w, k: _chosen(functions, k, evaluate(w)), (low, high), args=(which,)).x)
+    ends = (
+        np.concatenate([entry[what][at + after] for entry, at in zip(filled, changes, strict=True)]) for what in (0, 1) for after in (0, 1)
+    )
+    found = find_roots(lambda w, k: _chosen(functions, which[k], evaluate(w)), Ends(*ends))
     return tuple(found[which == k] for k in range(len(functions)))
 
 
@@ -115,6 +117,12 @@ def _chosen(functions: Sequence[Callable[[Values], Floats]], which: NDArray[np.i
         if here.any():
             chosen[here] = function(values[here])
     return chosen
+
+
+def _about(at: NDArray[np.intp], which: NDArray[np.intp], values: Sequence[Floats], sign: Floats) -> tuple[Floats, Floats, Floats]:
+    """Values of functions at points of the grid and at their neighbours, each with its sign."""
+    stacked = np.stack(values)
+    return sign * stacked[which, at - 1], sign * stacked[which, at], sign * stacked[which, at + 1]
 
 
 def _with_passing_peaks(
@@ -134,13 +142,14 @@ def _with_passing_peaks(
     towards = np.concatenate([side[one] for side, one in zip(sides, tops, strict=True)])
     logarithm = np.log(grid)
     brackets = (logarithm[at - 1], logarithm[at], logarithm[at + 1])
-    result = find_minimum(lambda x, side, k: side * _chosen(functions, k, evaluate(np.exp(x))), brackets, args=(towards, which))
+    heights = _about(at, which, values, towards)
+    result = find_lowest(lambda x, k: towards[k] * _chosen(functions, which[k], evaluate(np.exp(x))), brackets, heights)
     filled = []
     for k, sizes in enumerate(values):
-        passed = (result.f_x < -ROUNDING) & (which == k)
-        peaks = np.exp(result.x[passed])
+        passed = (result.values < -ROUNDING) & (which == k)
+        peaks = np.exp(result.places[passed])
         places = np.searchsorted(grid, peaks)
-        filled.append((np.insert(grid, places, peaks), np.insert(sizes, places, towards[passed] * result.f_x[passed])))
+        filled.append((np.insert(grid, places, peaks), np.insert(sizes, places, towards[passed] * result.values[passed])))
     return filled
 
 
@@ -184,11 +193,12 @@ def highest_of_each(
     which = np.repeat(np.arange(len(tops)), [one.size for one in tops])
     logarithm = np.log(grid)
     brackets = (logarithm[at - 1], logarithm[at], logarithm[at + 1])
-    result = find_minimum(lambda x, k: -_chosen(functions, k, evaluate(np.exp(x))), brackets, args=(which,))
+    heights = _about(at, which, sizes, np.full(at.size, -1.0))
+    result = find_lowest(lambda x, k: -_chosen(functions, which[k], evaluate(np.exp(x))), brackets, heights)
     for k in range(len(found)):
         mine = np.flatnonzero(which == k)
         if mine.size:
-            top = mine[int(np.argmin(result.f_x[mine]))]
-            if -float(result.f_x[top]) > found[k][0]:
-                found[k] = (-float(result.f_x[top]), math.exp(float(result.x[top])))
+            top = mine[int(np.argmin(result.values[mine]))]
+            if -float(result.values[top]) > found[k][0]:
+                found[k] = (-float(result.values[top]), math.exp(float(result.places[top])))
     return tuple(found)
