@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import leastsq
 
 from revline.errors import AnalysisError, NotConvergedError
 from revline.lti.polynomial import polynomial_roots
@@ -119,17 +119,16 @@ class Problem:
         cut = self.zeros + 1
         return x[:cut], np.concatenate([np.ones(1), x[cut : cut + self.poles]]), float(x[-1]) if self.free_delay else 0.0
 
-    def model(self, x: Floats) -> tuple[Complexes, Complexes]:
-        """The model's response and exp(-s delay) / denominator."""
-        top, bottom, delay = self.split(x)
-        factor = 1.0 / self.polynomial(bottom)
-        if self.free_delay:
-            factor = np.exp(-self.s * delay) * factor
-        return self.polynomial(top) * factor, factor
-
     def polynomial(self, coefficients: Floats) -> Complexes:
         """A polynomial in s, by ascending coefficients, at each frequency."""
         return np.asarray(self.powers[:, : coefficients.size] @ coefficients)
+
+    def model(self, x: Floats) -> tuple[Complexes, Complexes, Complexes]:
+        """The model's response, exp(-s delay) / denominator, and 1 / denominator."""
+        cut = self.zeros + 1
+        inverse = 1.0 / (1.0 + self.powers[:, 1 : self.poles + 1] @ x[cut : cut + self.poles])
+        factor = np.exp(-self.s * x[-1]) * inverse if self.free_delay else inverse
+        return (self.powers[:, :cut] @ x[:cut]) * factor, factor, inverse
 
     def residuals(self, x: Floats) -> Floats:
         """Weighted errors, real parts before imaginary parts."""
@@ -137,14 +136,18 @@ class Problem:
 
     def jacobian(self, x: Floats) -> Floats:
         """Derivatives of the residuals, exact."""
-        response, factor = self.model(x)
+        return self.both(x)[1]
+
+    def both(self, x: Floats) -> tuple[Floats, Floats]:
+        """Residuals and their derivatives."""
+        response, factor, inverse = self.model(x)
         columns = np.empty((self.s.size, self.size), dtype=complex)
         cut = self.zeros + 1
-        columns[:, :cut] = factor[:, None] * self.powers[:, :cut]
-        columns[:, cut : cut + self.poles] = (-response / self.polynomial(self.split(x)[1]))[:, None] * self.powers[:, 1 : self.poles + 1]
+        np.multiply(factor[:, None], self.powers[:, :cut], out=columns[:, :cut])
+        np.multiply((-response * inverse)[:, None], self.powers[:, 1 : self.poles + 1], out=columns[:, cut : cut + self.poles])
         if self.free_delay:
             columns[:, -1] = -self.s * response
-        return _stack(self.weights[:, None] * columns)
+        return _stack(self.weights * (response - self.values)), _stack(self.weights[:, None] * columns)
 
 
 def make_problem(omega: Floats, values: Complexes, weights: Floats, zeros: int, poles: int, free_delay: int) -> Problem:
@@ -196,11 +199,11 @@ def minimise(problem: Problem) -> Optimum:
     with np.errstate(all="ignore"):
         starts = [(name, x) for name, x in _starts(problem) if math.isfinite(_cost(problem, x))]
         starts.sort(key=lambda entry: _cost(problem, entry[1]))
-        found = [(name, _descend(problem, start)) for name, start in starts[:_STARTS_KEPT]]
+        found = _polished(problem, [(name, _descend(problem, start)) for name, start in starts[:_STARTS_KEPT]])
         best = min((x for _, x in found), key=lambda x: _cost(problem, x))
         # A second start, off the best point to all sides: it must lead back.
         away = best * (1.0 + 0.1 * (-1.0) ** np.arange(problem.size))
-        found.append(("best point, each parameter moved by a tenth", _descend(problem, away)))
+        found.append(("best point, each parameter moved by a tenth", _polish(problem, _descend(problem, away))))
         best = min((x for _, x in found), key=lambda x: _cost(problem, x))
     if problem.free_delay and best[-1] < 0.0:
         return minimise(replace(problem, free_delay=0))
@@ -222,25 +225,42 @@ def _cost(problem: Problem, x: Floats) -> float:
     return float(np.sum(problem.residuals(x) ** 2))
 
 
+def _agrees(cost: float, least: float) -> bool:
+    """Whether a sum of squares is the least one."""
+    return cost <= least * (1.0 + _SAME_COST) + float(np.finfo(float).eps)
+
+
 def _gradient(problem: Problem, x: Floats) -> float:
     """Largest share of the data that still lies along a column of the Jacobian."""
-    jacobian = problem.jacobian(x)
-    return float(np.max(np.abs(jacobian.T @ problem.residuals(x)) / _lengths(jacobian)))
+    residuals, jacobian = problem.both(x)
+    return float(np.max(np.abs(jacobian.T @ residuals) / _lengths(jacobian)))
 
 
 def _descend(problem: Problem, start: Floats) -> Floats:
-    found = least_squares(
+    # With the full output it neither warns nor raises where it stops early; what it found is verified.
+    found = leastsq(
         problem.residuals,
         start,
-        jac=problem.jacobian,
-        method="lm",
-        x_scale="jac",
+        Dfun=problem.jacobian,
+        full_output=True,
         ftol=_TOLERANCE,
         xtol=_TOLERANCE,
         gtol=_TOLERANCE,
-        max_nfev=200 * problem.size,
+        maxfev=200 * problem.size,
     )
-    return _polish(problem, np.asarray(found.x, dtype=float))
+    return np.asarray(found[0], dtype=float)
+
+
+def _polished(problem: Problem, found: list[tuple[str, Floats]]) -> list[tuple[str, Floats]]:
+    """Polish the best point, and those that may be another; the others have led to the same one, to the root of rounding."""
+    costs = [_cost(problem, x) for _, x in found]
+    best = int(np.argmin(costs))
+    polished = _polish(problem, found[best][1])
+    least = _cost(problem, polished)
+    return [
+        (name, polished if k == best or _agrees(cost, least) else _polish(problem, x))
+        for k, ((name, x), cost) in enumerate(zip(found, costs, strict=True))
+    ]
 
 
 def _polish(problem: Problem, x: Floats) -> Floats:
@@ -258,15 +278,16 @@ def _polish(problem: Problem, x: Floats) -> Floats:
 
 
 def _gauss_newton_step(problem: Problem, x: Floats) -> Floats:
-    return _solve(problem.jacobian(x), -problem.residuals(x))
+    residuals, jacobian = problem.both(x)
+    return _solve(jacobian, -residuals)
 
 
 def _newton_step(problem: Problem, x: Floats) -> Floats:
     """With the curvature of the residuals, from differences of the exact gradient: needed where the residual is large."""
 
     def slopes(scaled: Floats) -> Floats:
-        at = x + scaled / lengths
-        return np.asarray(problem.jacobian(at).T @ problem.residuals(at) / lengths)
+        residuals, jacobian = problem.both(x + scaled / lengths)
+        return np.asarray(jacobian.T @ residuals / lengths)
 
     lengths = _lengths(problem.jacobian(x))
     moves = np.eye(problem.size) * 1e-6
@@ -380,7 +401,7 @@ def _optimum(problem: Problem, best: Floats, gradient: float, found: list[tuple[
         Start(
             name=name,
             residual_sum=_cost(problem, x) * problem.cost_unit,
-            agrees=bool(_cost(problem, x) <= cost * (1.0 + _SAME_COST) + np.finfo(float).eps),
+            agrees=_agrees(_cost(problem, x), cost),
         )
         for name, x in found
     )
