@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -74,12 +75,12 @@ class TransferFunction:
     @property
     def poles(self) -> Complexes:
         """Roots of the denominator in rad/s, by rising magnitude."""
-        return polynomial_roots(self.denominator)
+        return _roots_of(self.denominator).copy()
 
     @property
     def zeros(self) -> Complexes:
         """Roots of the numerator in rad/s, by rising magnitude; none for a numerator that is zero."""
-        return polynomial_roots(self.numerator) if self.numerator != (0.0,) else np.zeros(0, dtype=complex)
+        return _roots_of(self.numerator).copy() if self.numerator != (0.0,) else np.zeros(0, dtype=complex)
 
     @property
     def order(self) -> int:
@@ -258,6 +259,12 @@ class TransferFunction:
         straight = [gain * c for c in self.denominator]
         padded = [*self.numerator, *([0.0] * (self.order + 1 - len(self.numerator)))]
         return [(n - d) / top for n, d in zip(padded, straight, strict=True)][: self.order]
+
+
+@lru_cache(maxsize=256)
+def _roots_of(coefficients: Coefficients) -> Complexes:
+    """Roots are asked for again and again, by each property that rests on them."""
+    return polynomial_roots(coefficients)
 
 
 def _check_times(times: ArrayLike) -> Floats:
