@@ -24,6 +24,9 @@ PHASE_STEP = 0.2
 SIZE_STEP = 0.2
 """Largest change of the logarithm of a function's magnitude between neighbours."""
 
+_SLOPE, _SQUARE = math.tan(PHASE_STEP), math.exp(2.0 * SIZE_STEP)
+"""The same, as the tangent of the phase and as the square of the magnitude."""
+
 MOST_POINTS = 400_000
 """Most frequencies on the grid."""
 
@@ -54,25 +57,38 @@ def follow(evaluate: Callable[[Floats], Complexes], grid: Floats, *, delay: Seco
         NotConvergedError: a function turns too fast for the grid, or has a pole or a zero on the imaginary axis within it.
     """
     values = evaluate(grid)
+    _refuse_poles(grid, values, name)
+    fresh = np.arange(grid.size - 1)  # intervals that were not looked at yet, by their lower ends
     while True:
-        bad = np.any(~np.isfinite(values) | (values == 0.0), axis=0)
-        if np.any(bad):
-            place = float(grid[bad][0])
-            message = f"{name} has a pole or a zero on the imaginary axis at {place:g} rad/s: no margins there"
-            raise NotConvergedError(message, frequency=place)
-        ratio = values[:, 1:] / values[:, :-1]
-        coarse = np.any((np.abs(np.angle(ratio)) > PHASE_STEP) | (np.abs(np.log(np.abs(ratio))) > SIZE_STEP), axis=0)
-        coarse |= delay * np.diff(grid) > PHASE_STEP
-        if not np.any(coarse):
+        coarse = fresh[_is_coarse((grid[fresh], grid[fresh + 1]), (values[:, fresh], values[:, fresh + 1]), delay)]
+        if not coarse.size:
             return Followed(grid, values)
-        if grid.size > MOST_POINTS or np.min(np.diff(grid)[coarse] / grid[1:][coarse]) < 1e-13:
-            where = float(grid[1:][coarse][0])
-            message = f"{name} turns too fast near {where:g} rad/s to be followed with {MOST_POINTS} frequencies"
-            raise NotConvergedError(message, frequency=where)
-        middle = np.sqrt(grid[:-1][coarse] * grid[1:][coarse])
-        places = np.flatnonzero(coarse) + 1
-        grid = np.insert(grid, places, middle)
-        values = np.insert(values, places, evaluate(middle), axis=1)
+        low, high = grid[coarse], grid[coarse + 1]
+        if grid.size > MOST_POINTS or np.min((high - low) / high) < 1e-13:
+            message = f"{name} turns too fast near {high[0]:g} rad/s to be followed with {MOST_POINTS} frequencies"
+            raise NotConvergedError(message, frequency=float(high[0]))
+        middle = np.sqrt(low * high)
+        added = evaluate(middle)
+        _refuse_poles(middle, added, name)
+        grid, values = np.insert(grid, coarse + 1, middle), np.insert(values, coarse + 1, added, axis=1)
+        at = coarse + np.arange(coarse.size)
+        fresh = np.stack((at, at + 1), axis=1).ravel()
+
+
+def _refuse_poles(grid: Floats, values: Complexes, name: str) -> None:
+    bad = np.any(~np.isfinite(values) | (values == 0.0), axis=0)
+    if np.any(bad):
+        place = float(grid[bad][0])
+        message = f"{name} has a pole or a zero on the imaginary axis at {place:g} rad/s: no margins there"
+        raise NotConvergedError(message, frequency=place)
+
+
+def _is_coarse(ends: tuple[Floats, Floats], values: tuple[Complexes, Complexes], delay: Seconds) -> NDArray[np.bool_]:
+    """Whether a function changes much between two frequencies, or its delay alone may have turned it by much."""
+    ratio = values[1] / values[0]
+    square = ratio.real**2 + ratio.imag**2
+    alike = (np.abs(ratio.imag) <= _SLOPE * ratio.real) & (square >= 1.0 / _SQUARE) & (square <= _SQUARE)
+    return np.asarray(~np.all(alike, axis=0) | (delay * (ends[1] - ends[0]) > PHASE_STEP))
 
 
 def roots_between(function: Callable[[Floats], Floats], grid: Floats, values: Floats) -> Floats:
