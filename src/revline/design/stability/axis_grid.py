@@ -17,6 +17,7 @@ from revline.units import Seconds
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 Values = NDArray[Any]
+Function = Callable[[Values], Floats]
 
 PHASE_STEP = 0.2
 """Largest change of a function's phase between neighbours on the grid, in rad."""
@@ -99,74 +100,7 @@ def roots_between(function: Callable[[Floats], Floats], grid: Floats, values: Fl
         grid: frequencies above 0, rising, between whose neighbours the function has at most one peak.
         values: the function there.
     """
-    return roots_of_each(lambda w: w, (function,), grid, (values,))[0]
-
-
-def roots_of_each(
-    evaluate: Callable[[Floats], Values], functions: Sequence[Callable[[Values], Floats]], grid: Floats, values: Sequence[Floats]
-) -> tuple[Floats, ...]:
-    """Find the roots of some real functions of one that is dear to evaluate, as `roots_between` does, all in the same rounds.
-
-    Args:
-        evaluate: frequencies of shape (n,) to what the functions are of, shape (n,).
-        functions: each of size 1 near its roots.
-        grid: frequencies above 0, rising, between whose neighbours each function has at most one peak.
-        values: the functions there.
-    """
-    filled = _with_passing_peaks(evaluate, functions, grid, values)
-    changes = [np.flatnonzero((sizes[1:] > 0.0) != (sizes[:-1] > 0.0)) for _, sizes in filled]
-    which = np.repeat(np.arange(len(changes)), [at.size for at in changes])
-    if not which.size:
-        return tuple(np.array([]) for _ in functions)
-    ends = (
-        np.concatenate([entry[what][at + after] for entry, at in zip(filled, changes, strict=True)]) for what in (0, 1) for after in (0, 1)
-    )
-    found = find_roots(lambda w, k: _chosen(functions, which[k], evaluate(w)), Ends(*ends))
-    return tuple(found[which == k] for k in range(len(functions)))
-
-
-def _chosen(functions: Sequence[Callable[[Values], Floats]], which: NDArray[np.intp], values: Values) -> Floats:
-    """Of each value the function that is asked for there."""
-    chosen = np.empty(which.shape)
-    for k, function in enumerate(functions):
-        here = which == k
-        if here.any():
-            chosen[here] = function(values[here])
-    return chosen
-
-
-def _about(at: NDArray[np.intp], which: NDArray[np.intp], values: Sequence[Floats], sign: Floats) -> tuple[Floats, Floats, Floats]:
-    """Values of functions at points of the grid and at their neighbours, each with its sign."""
-    stacked = np.stack(values)
-    return sign * stacked[which, at - 1], sign * stacked[which, at], sign * stacked[which, at + 1]
-
-
-def _with_passing_peaks(
-    evaluate: Callable[[Floats], Values], functions: Sequence[Callable[[Values], Floats]], grid: Floats, values: Sequence[Floats]
-) -> list[tuple[Floats, Floats]]:
-    """Grid and values of each function with the peaks towards 0 that pass it although no point of the grid does."""
-    sides = [np.where(sizes > 0.0, 1.0, -1.0) for sizes in values]
-    tops = []
-    for side, value in zip(sides, values, strict=True):
-        sizes = side * value
-        alike = (side[:-2] == side[1:-1]) & (side[2:] == side[1:-1])
-        tops.append(np.flatnonzero(alike & (sizes[1:-1] < sizes[:-2]) & (sizes[1:-1] <= sizes[2:])) + 1)
-    at = np.concatenate(tops)
-    if not at.size:
-        return [(grid, sizes) for sizes in values]
-    which = np.repeat(np.arange(len(tops)), [one.size for one in tops])
-    towards = np.concatenate([side[one] for side, one in zip(sides, tops, strict=True)])
-    logarithm = np.log(grid)
-    brackets = (logarithm[at - 1], logarithm[at], logarithm[at + 1])
-    heights = _about(at, which, values, towards)
-    result = find_lowest(lambda x, k: towards[k] * _chosen(functions, which[k], evaluate(np.exp(x))), brackets, heights)
-    filled = []
-    for k, sizes in enumerate(values):
-        passed = (result.values < -ROUNDING) & (which == k)
-        peaks = np.exp(result.places[passed])
-        places = np.searchsorted(grid, peaks)
-        filled.append((np.insert(grid, places, peaks), np.insert(sizes, places, towards[passed] * result.values[passed])))
-    return filled
+    return find_features(lambda w: w, (function,), (), grid, (values,)).roots[0]
 
 
 def highest(function: Callable[[Floats], Floats], grid: Floats, sizes: Floats) -> tuple[float, float]:
@@ -180,41 +114,100 @@ def highest(function: Callable[[Floats], Floats], grid: Floats, sizes: Floats) -
     Returns:
         The value and its frequency.
     """
-    return highest_of_each(lambda w: w, (function,), grid, (sizes,))[0]
+    return find_features(lambda w: w, (), (function,), grid, (sizes,)).peaks[0]
 
 
-def highest_of_each(
-    evaluate: Callable[[Floats], Values], functions: Sequence[Callable[[Values], Floats]], grid: Floats, sizes: Sequence[Floats]
-) -> tuple[tuple[float, float], ...]:
-    """Find the largest values of some real functions of one that is dear to evaluate, as `highest` does, all in the same rounds.
+class Features(NamedTuple):
+    """Roots of each of some functions, in rad/s; and of each of others the largest value and its frequency in rad/s."""
+
+    roots: tuple[Floats, ...]
+    peaks: tuple[tuple[float, float], ...]
+
+
+class _Extremes(NamedTuple):
+    """Points of a grid at which a function, times a sign, is not above its neighbours: which function, where, and the sign."""
+
+    which: NDArray[np.intp]
+    at: NDArray[np.intp]
+    sign: Floats
+
+
+def find_features(
+    evaluate: Callable[[Floats], Values],
+    crossings: Sequence[Function],
+    measures: Sequence[Function],
+    grid: Floats,
+    values: Sequence[Floats],
+) -> Features:
+    """Find roots and peaks of real functions of one that is dear to evaluate, all in the same rounds.
 
     Args:
         evaluate: frequencies of shape (n,) to what the functions are of, shape (n,).
-        functions: each of them.
+        crossings: functions whose roots are sought as by `roots_between`.
+        measures: functions whose largest values are sought as by `highest`.
         grid: frequencies above 0, rising, between whose neighbours each function has at most one peak.
-        sizes: the functions on the grid.
-
-    Returns:
-        Each value and its frequency.
+        values: the crossings there, then the measures.
     """
-    best = [int(np.argmax(one)) for one in sizes]
-    found = [(float(one[top]), float(grid[top])) for one, top in zip(sizes, best, strict=True)]
-    tops = []
-    for one in sizes:
-        inner = np.flatnonzero((one[1:-1] >= one[:-2]) & (one[1:-1] >= one[2:])) + 1
-        tops.append(inner[np.argsort(-one[inner])][:MOST_PEAKS])
-    at = np.concatenate(tops)
-    if not at.size:
-        return tuple(found)
-    which = np.repeat(np.arange(len(tops)), [one.size for one in tops])
-    logarithm = np.log(grid)
-    brackets = (logarithm[at - 1], logarithm[at], logarithm[at + 1])
-    heights = _about(at, which, sizes, np.full(at.size, -1.0))
-    result = find_lowest(lambda x, k: -_chosen(functions, which[k], evaluate(np.exp(x))), brackets, heights)
-    for k in range(len(found)):
-        mine = np.flatnonzero(which == k)
-        if mine.size:
-            top = mine[int(np.argmin(result.values[mine]))]
-            if -float(result.values[top]) > found[k][0]:
-                found[k] = (-float(result.values[top]), math.exp(float(result.places[top])))
-    return tuple(found)
+    functions, count = (*crossings, *measures), len(crossings)
+    extremes = [_towards_zero(k, one) if k < count else _largest(k, one) for k, one in enumerate(values)]
+    which, at, sign = (np.concatenate(parts) for parts in zip(*extremes, strict=True))
+    x, stacked = np.log(grid), np.stack(values)
+    lowest = find_lowest(
+        lambda places, k: sign[k] * _chosen(functions, which[k], evaluate(np.exp(places))),
+        (x[at - 1], x[at], x[at + 1]),
+        (sign * stacked[which, at - 1], sign * stacked[which, at], sign * stacked[which, at + 1]),
+    )
+    places, reached = np.exp(lowest.places), sign * lowest.values
+    filled = []
+    for k in range(count):
+        passed = (lowest.values < -ROUNDING) & (which == k)
+        where = np.searchsorted(grid, places[passed])
+        filled.append((np.insert(grid, where, places[passed]), np.insert(values[k], where, reached[passed])))
+    peaks = []
+    for k, sizes in enumerate(values[count:], start=count):
+        mine = which == k
+        found = np.append(sizes, reached[mine])
+        top = int(np.argmax(found))
+        peaks.append((float(found[top]), float(np.append(grid, places[mine])[top])))
+    return Features(_roots(evaluate, crossings, filled), tuple(peaks))
+
+
+def _towards_zero(k: int, sizes: Floats) -> _Extremes:
+    """Where a function comes nearest to 0 without passing it, as far as the grid shows."""
+    side = np.where(sizes > 0.0, 1.0, -1.0)
+    alike = (side[:-2] == side[1:-1]) & (side[2:] == side[1:-1])
+    sizes = side * sizes
+    at = np.flatnonzero(alike & (sizes[1:-1] < sizes[:-2]) & (sizes[1:-1] <= sizes[2:])) + 1
+    return _Extremes(np.full(at.size, k), at, side[at])
+
+
+def _largest(k: int, sizes: Floats) -> _Extremes:
+    """Where a function is largest, as far as the grid shows."""
+    at = np.flatnonzero((sizes[1:-1] >= sizes[:-2]) & (sizes[1:-1] >= sizes[2:])) + 1
+    at = at[np.argsort(-sizes[at])][:MOST_PEAKS]
+    return _Extremes(np.full(at.size, k), at, np.full(at.size, -1.0))
+
+
+def _roots(
+    evaluate: Callable[[Floats], Values], functions: Sequence[Function], filled: Sequence[tuple[Floats, Floats]]
+) -> tuple[Floats, ...]:
+    """Roots of each function between neighbours of its own grid at which its sign differs."""
+    changes = [np.flatnonzero((sizes[1:] > 0.0) != (sizes[:-1] > 0.0)) for _, sizes in filled]
+    which = np.repeat(np.arange(len(changes)), [at.size for at in changes])
+    if not which.size:
+        return tuple(np.array([]) for _ in functions)
+    ends = (
+        np.concatenate([entry[what][at + after] for entry, at in zip(filled, changes, strict=True)]) for what in (0, 1) for after in (0, 1)
+    )
+    found = find_roots(lambda w, k: _chosen(functions, which[k], evaluate(w)), Ends(*ends))
+    return tuple(found[which == k] for k in range(len(functions)))
+
+
+def _chosen(functions: Sequence[Function], which: NDArray[np.intp], values: Values) -> Floats:
+    """Of each value the function that is asked for there."""
+    chosen = np.empty(which.shape)
+    for k, function in enumerate(functions):
+        here = np.flatnonzero(which == k)
+        if here.size:
+            chosen[here] = function(values[here])
+    return chosen
