@@ -83,12 +83,15 @@ class Optimum:
 class Problem:
     """A fit in scaled units: s in units of `frequency`, the response in units of `gain`; weighted data have length 1.
 
-    `powers` holds the powers of s from 0 on as columns, as many as any of the polynomials has coefficients.
+    `powers` holds the powers of s from 0 on as rows, as many as any of the polynomials has coefficients; `weighted` and `wanted` are
+    these and the values times the weights.
     """
 
     s: Complexes
     powers: Complexes
+    weighted: Complexes
     values: Complexes
+    wanted: Complexes
     weights: Floats
     zeros: int
     poles: int
@@ -121,18 +124,24 @@ class Problem:
 
     def polynomial(self, coefficients: Floats) -> Complexes:
         """A polynomial in s, by ascending coefficients, at each frequency."""
-        return np.asarray(self.powers[:, : coefficients.size] @ coefficients)
+        return np.asarray(coefficients @ self.powers[: coefficients.size])
 
-    def model(self, x: Floats) -> tuple[Complexes, Complexes, Complexes]:
-        """The model's response, exp(-s delay) / denominator, and 1 / denominator."""
+    def model(self, x: Floats) -> Complexes:
+        """The model's response."""
         cut = self.zeros + 1
-        inverse = 1.0 / (1.0 + self.powers[:, 1 : self.poles + 1] @ x[cut : cut + self.poles])
-        factor = np.exp(-self.s * x[-1]) * inverse if self.free_delay else inverse
-        return (self.powers[:, :cut] @ x[:cut]) * factor, factor, inverse
+        return np.asarray((x[:cut] @ self.powers[:cut]) * self._factors(x)[0])
+
+    def _factors(self, x: Floats) -> tuple[Complexes, Complexes]:
+        """exp(-s delay) / denominator, and 1 / denominator."""
+        cut = self.zeros + 1
+        inverse = 1.0 / (1.0 + x[cut : cut + self.poles] @ self.powers[1 : self.poles + 1])
+        return (np.exp(-self.s * x[-1]) * inverse if self.free_delay else inverse), inverse
 
     def residuals(self, x: Floats) -> Floats:
-        """Weighted errors, real parts before imaginary parts."""
-        return _stack(self.weights * (self.model(x)[0] - self.values))
+        """Weighted errors, real and imaginary part by turns."""
+        cut = self.zeros + 1
+        errors = (x[:cut] @ self.weighted[:cut]) * self._factors(x)[0] - self.wanted
+        return np.asarray(errors.view(float))
 
     def jacobian(self, x: Floats) -> Floats:
         """Derivatives of the residuals, exact."""
@@ -140,14 +149,15 @@ class Problem:
 
     def both(self, x: Floats) -> tuple[Floats, Floats]:
         """Residuals and their derivatives."""
-        response, factor, inverse = self.model(x)
-        columns = np.empty((self.s.size, self.size), dtype=complex)
         cut = self.zeros + 1
-        np.multiply(factor[:, None], self.powers[:, :cut], out=columns[:, :cut])
-        np.multiply((-response * inverse)[:, None], self.powers[:, 1 : self.poles + 1], out=columns[:, cut : cut + self.poles])
+        factor, inverse = self._factors(x)
+        response = (x[:cut] @ self.weighted[:cut]) * factor
+        rows = np.empty((self.size, self.s.size), dtype=complex)
+        np.multiply(factor, self.weighted[:cut], out=rows[:cut])
+        np.multiply(-response * inverse, self.powers[1 : self.poles + 1], out=rows[cut : cut + self.poles])
         if self.free_delay:
-            columns[:, -1] = -self.s * response
-        return _stack(self.weights * (response - self.values)), _stack(self.weights[:, None] * columns)
+            rows[-1] = -self.s * response
+        return np.asarray((response - self.wanted).view(float)), np.asarray(rows.view(float).T)
 
 
 def make_problem(omega: Floats, values: Complexes, weights: Floats, zeros: int, poles: int, free_delay: int) -> Problem:
@@ -168,11 +178,14 @@ def make_problem(omega: Floats, values: Complexes, weights: Floats, zeros: int, 
     weight = float(weights.max())
     weight *= float(np.linalg.norm(weights / weight * np.abs(values / gain)))
     s = np.asarray(1j * omega / frequency, dtype=complex)
+    powers, scaled, relative = np.asarray(s ** np.arange(max(zeros, poles) + 1)[:, None], dtype=complex), values / gain, weights / weight
     return Problem(
         s=s,
-        powers=np.asarray(s[:, None] ** np.arange(max(zeros, poles) + 1), dtype=complex),
-        values=values / gain,
-        weights=weights / weight,
+        powers=powers,
+        weighted=relative * powers,
+        values=scaled,
+        wanted=np.asarray(relative * scaled, dtype=complex),
+        weights=relative,
         zeros=zeros,
         poles=poles,
         free_delay=free_delay,
@@ -217,12 +230,14 @@ def minimise(problem: Problem) -> Optimum:
     return _optimum(problem, best, gradient, found)
 
 
-def _stack(values: NDArray[Any]) -> Floats:
-    return np.concatenate([values.real, values.imag])
+def _stack(rows: NDArray[Any]) -> Floats:
+    """Real and imaginary parts of complex equations by turns, from one row for each unknown."""
+    return np.asarray(np.ascontiguousarray(rows).view(float).T)
 
 
 def _cost(problem: Problem, x: Floats) -> float:
-    return float(np.sum(problem.residuals(x) ** 2))
+    residuals = problem.residuals(x)
+    return float(residuals @ residuals)
 
 
 def _agrees(cost: float, least: float) -> bool:
@@ -241,7 +256,8 @@ def _descend(problem: Problem, start: Floats) -> Floats:
     found = leastsq(
         problem.residuals,
         start,
-        Dfun=problem.jacobian,
+        Dfun=lambda x: problem.jacobian(x).T,
+        col_deriv=True,
         full_output=True,
         ftol=_TOLERANCE,
         xtol=_TOLERANCE,
@@ -296,7 +312,7 @@ def _newton_step(problem: Problem, x: Floats) -> Floats:
 
 
 def _lengths(columns: Floats) -> Floats:
-    return np.asarray(np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny))
+    return np.asarray(np.maximum(np.sqrt(np.sum(columns * columns, axis=0)), np.finfo(float).tiny))
 
 
 def _starts(problem: Problem) -> Iterator[tuple[str, Floats]]:
@@ -343,16 +359,15 @@ def _linear_fit(problem: Problem, values: Complexes, previous: Floats) -> tuple[
     """One Sanathanan-Koerner step: numerator - values * denominator, over the previous denominator, linear in both."""
     weights = problem.weights / np.abs(problem.polynomial(previous))
     powers = problem.powers
-    columns = np.concatenate([powers[:, : problem.zeros + 1], -values[:, None] * powers[:, 1 : problem.poles + 1]], axis=1)
-    solution = _solve(_stack(weights[:, None] * columns), _stack(weights * values))
+    rows = np.concatenate([powers[: problem.zeros + 1], -values * powers[1 : problem.poles + 1]])
+    solution = _solve(_stack(weights * rows), _stack(weights * values))
     return solution[: problem.zeros + 1], np.append(1.0, solution[problem.zeros + 1 :])
 
 
 def _numerator(problem: Problem, values: Complexes, bottom: Floats) -> Floats:
     """The best numerator for a given denominator: a linear problem."""
     factor = problem.weights / problem.polynomial(bottom)
-    columns = factor[:, None] * problem.powers[:, : problem.zeros + 1]
-    return _solve(_stack(columns), _stack(problem.weights * values))
+    return _solve(_stack(factor * problem.powers[: problem.zeros + 1]), _stack(problem.weights * values))
 
 
 def _solve(matrix: Floats, right: Floats) -> Floats:
