@@ -83,6 +83,9 @@ def view_contours(state: State) -> Mapping[str, Any]:
         except RevlineError as error:
             found.append({"ms": peak, "none": str(error)})
             continue
+        if not contour.kp.size:
+            found.append({"ms": peak, "none": f"at kd = {state.kd:g} no gains shown have a peak sensitivity of {peak:g}"})
+            continue
         cuts = np.flatnonzero(np.diff(contour.piece) != 0) + 1
         pieces = [{"kp": drawn(p), "ki": drawn(i)} for p, i in zip(np.split(contour.kp, cuts), np.split(contour.ki, cuts), strict=True)]
         found.append({"ms": peak, "pieces": pieces, "largest_deviation": contour.deviation})
