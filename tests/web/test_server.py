@@ -12,7 +12,8 @@ from typing import Any
 import httpx
 import pytest
 
-from revline.web.app import find_share, page_folder
+from revline.web.app import page_folder
+from revline.web.views import find_share
 from revline.web.workers import GIBIBYTE, WorkerError, Workers
 from tests.web.serving import PROGRAM, Server, end, start
 
@@ -205,11 +206,9 @@ def test_what_takes_too_long_dies_or_hoards_is_given_up_and_replaced(function: A
 
 
 def test_a_process_that_gives_no_answer_is_the_problem_of_its_parts_alone() -> None:
-    class Lost:
-        async def ask(self, *_: Any) -> Any:
-            raise WorkerError("took-too-long", "the answer took too long", "it took longer than 1 s")
+    async def lost() -> dict[str, bytes]:
+        raise WorkerError("took-too-long", "the answer took too long", "it took longer than 1 s")
 
-    lost: Any = Lost()
-    found = asyncio.run(find_share(lost, {}, ["map", "cycle"]))
+    found = asyncio.run(find_share(lost(), ["map", "cycle"]))
     assert set(found) == {"map", "cycle"}
     assert all(b'"type":"/problems/took-too-long"' in body for body in found.values())
