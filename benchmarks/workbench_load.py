@@ -223,9 +223,8 @@ def main(count: int = 50, seconds: float = 60.0, mix: str = "mixed", *options: s
     print(f"failed: {len(found.failed)} {found.failed[:3]}; clients without all of their last answer: {len(found.lost)}")
     print(f"from a move to an answer to it or a newer one: median {at[0.5]:.3f} s, 95 % {at[0.95]:.3f} s, longest {at[1.0]:.3f} s")
     print(f"from the last move to all parts: median {rests[len(rests) // 2]:.2f} s, longest {rests[-1]:.2f} s")
-    print(
-        f"while sliders moved, server and clients had {found.share:.0%} of two processors: with all, 95 % about {at[0.95] * found.share:.3f} s"
-    )
+    alone = at[0.95] * found.share
+    print(f"server and clients had {found.share:.0%} of the processors meanwhile; with all of them, 95 % about {alone:.3f} s")
     server, own, client = (1e3 * seconds / max(views, 1) for seconds in found.times)
     print(f"processors for an answer: server {server:.1f} ms, {own:.1f} of them in its own process; client {client:.1f} ms")
     print(f"memory of the server, MB: {json.dumps([round(value) for value in found.memory])}")

@@ -13,6 +13,7 @@ import httpx
 import pytest
 import uvicorn
 
+from revline.web.connections import PatientProtocol
 from revline.web.security import HEADERS, App, Guard, Receive, Rules, Scope, Send
 
 HOST = "127.0.0.1:8765"
@@ -176,6 +177,10 @@ def test_one_client_leaves_room_for_others() -> None:
     refused(answers[2], 503, "too-busy", "2 requests of this client are being answered already")
 
 
+class Quick(PatientProtocol):
+    patience = 0.5
+
+
 @pytest.fixture
 def served() -> Iterator[tuple[int, list[str]]]:
     """A server on a real socket that is patient for half a second, and what happened to its requests."""
@@ -194,7 +199,8 @@ def served() -> Iterator[tuple[int, list[str]]]:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
         guard = Guard(app, Rules(hosts=frozenset({f"127.0.0.1:{port}"}), patience=0.5, in_flight=2))
-        server = uvicorn.Server(uvicorn.Config(guard, log_level="warning", lifespan="off", timeout_graceful_shutdown=1))
+        config = uvicorn.Config(guard, http=Quick, log_level="warning", lifespan="off", timeout_graceful_shutdown=1)
+        server = uvicorn.Server(config)
         thread = threading.Thread(target=server.run, args=([listener],))
         thread.start()
         yield port, happened
@@ -234,6 +240,25 @@ def test_a_body_that_trickles_is_refused_after_a_while_and_its_place_is_free(ser
     with begin(port, "/x", 2) as line:
         line.sendall(b"{}")
         assert rest(line).startswith(b"HTTP/1.1 200 ")
+
+
+def test_a_connection_without_a_whole_head_is_closed_and_others_are_kept(served: tuple[int, list[str]]) -> None:
+    port, _ = served
+    began = time.monotonic()
+    with socket.create_connection(("127.0.0.1", port), timeout=5.0) as silent:
+        with socket.create_connection(("127.0.0.1", port), timeout=5.0) as slow:
+            for letter in "POST / HTTP/1.1":
+                with contextlib.suppress(OSError):
+                    slow.sendall(letter.encode())
+                time.sleep(0.04)
+            assert slow.recv(100) == b""
+        assert silent.recv(100) == b""
+        assert 0.4 < time.monotonic() - began < 4.0
+    with begin(port, "/x", 2) as line:
+        line.sendall(b"{}")
+        assert rest(line).startswith(b"HTTP/1.1 200 ")
+        line.sendall(b"POST /x HTT")  # the next request of a connection that was used
+        assert rest(line) == b""
 
 
 def test_a_client_that_goes_frees_its_place(served: tuple[int, list[str]]) -> None:

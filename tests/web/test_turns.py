@@ -1,6 +1,7 @@
 """Turns: of a client's views the newest is answered, no client waits for another's flood, and who goes leaves its place."""
 
 import asyncio
+import itertools
 from collections.abc import Awaitable, Callable
 from typing import Any
 
@@ -123,7 +124,7 @@ def test_places_work_for_whom_they_know_but_nobody_is_passed_over_for_long() -> 
     order = run(test)
     rounds = [order[k : k + 6] for k in range(0, 48, 6)]
     assert all({name for name, _ in one} == {f"c{k}" for k in range(6)} for one in rounds)
-    kept = sum(dict(one)[name] == dict(before)[name] for before, one in zip(rounds, rounds[1:], strict=False) for name in dict(one))
+    kept = sum(dict(one)[name] == dict(before)[name] for before, one in itertools.pairwise(rounds) for name in dict(one))
     assert kept > 30  # of 42; by chance half of them
 
 
