@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from revline.analysis.threads import Progress
-from revline.design.maps.gain_box import BoxGains, Floor, find_largest_box
+from revline.design.maps.box_gains import Floor
+from revline.design.maps.gain_box import BoxGains, find_largest_box
 from revline.design.maps.gain_map import Design, GainGrid, GainMap, find_gain_map
 from revline.design.maps.schedule_design import ScheduleResult, design_schedule
 from revline.io.common_gain_records import box_record, schedule_record
