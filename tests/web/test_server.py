@@ -68,6 +68,24 @@ def test_numbers_that_are_none_are_refused(server: Server) -> None:
         assert answer.json()["exit_status"] == 2
 
 
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            '{"state": {"kp": 1,}}',
+            "the request is no JSON: Expecting property name enclosed in double quotes at character 19; send a JSON object",
+        ),
+        ("{", "the request is no JSON: Expecting property name enclosed in double quotes at character 1"),
+        ("", "the request has no content; send a JSON object"),
+        ("[1]", "the request = [1]: input should be a valid dictionary or object"),
+    ],
+)
+def test_what_is_no_json_is_told_so_and_no_control_is_blamed(server: Server, text: str, words: str) -> None:
+    problem = httpx.post(f"{server.link}api/v1/view", content=text, headers={"content-type": "application/json"}).json()
+    assert words in problem["detail"]
+    assert "control" not in problem
+
+
 def test_nothing_of_the_machine_is_read_by_a_path(server: Server) -> None:
     for path in ("../pyproject.toml", "..%2f..%2fetc%2fpasswd", "assets/../../app.py", "%2e%2e/app.py", "/etc/passwd"):
         with socket.create_connection(("127.0.0.1", server.port)) as line:  # a client of ours would tidy the path

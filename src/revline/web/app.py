@@ -17,7 +17,7 @@ from starlette.exceptions import HTTPException
 from starlette.middleware.gzip import GZipMiddleware
 
 from revline import __version__
-from revline.errors import RevlineError
+from revline.errors import InvalidInputError, RevlineError
 from revline.io.json_files import format_compact_json
 from revline.web.answers import LIVE, Answer, answer
 from revline.web.asked.registry import ASKED
@@ -252,6 +252,10 @@ def _first_error(error: Any) -> RevlineError:
     """Word what FastAPI refused as the project words its errors."""
     entries: Sequence[Any] = error.errors()
     entry = dict(entries[0])
+    if entry["type"] == "json_invalid":
+        return InvalidInputError(f"the request is no JSON: {entry['ctx']['error']} at character {entry['loc'][-1]}; send a JSON object")
+    if entry["type"] == "missing" and entry["loc"] == ("body",):
+        return InvalidInputError("the request has no content; send a JSON object")
     entry["loc"] = tuple(part for part in entry["loc"] if part not in {"body", "state", "query", "header"})
     return as_input_error(entry)
 
