@@ -33,12 +33,14 @@ class OpenLoop:
         transfer: L on complex s of any shape, delays exact.
         delay: that L contains for certain, in s; its phase is unwrapped after removing it.
         unstable_poles: of the closed loop, right of the imaginary axis; infinite where the delay makes them so.
+        closed_roots: the right-most ones of the closed loop, in rad/s, where they were found to count the unstable ones; else none.
     """
 
     name: str
     transfer: Transfer
     delay: float
     unstable_poles: float
+    closed_roots: tuple[complex, ...] = ()
 
     @property
     def stable(self) -> bool:
@@ -111,6 +113,7 @@ def open_loop_of_system(plant: DelayStateSpace, law: AnyPid, *, wires: LoopSigna
         transfer=transfer,
         delay=_known_delay(plant, transfer),
         unstable_poles=float(closed.unstable_count),
+        closed_roots=tuple(closed.roots.tolist()),
     )
 
 
