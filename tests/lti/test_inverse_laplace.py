@@ -52,7 +52,7 @@ def test_even_times_are_answered_as_uneven_ones() -> None:
         pair = size * np.exp(1j * draw.uniform(0.5, 1.0) * np.pi)
         poles = np.array([0.0, pair, np.conj(pair), *(-(10.0 ** draw.uniform(-2.0, 3.5, 2)))])
         times = 10.0 ** draw.uniform(-4.0, -2.0) * np.arange(1001)
-        numerator = draw.normal(size=5) * np.cumprod(np.abs(poles) + 0.1)[::-1]
+        numerator = (draw.normal(size=5) * np.cumprod(np.abs(poles) + 0.1)[::-1]).tolist()
         uneven = inverse_laplace(numerator, poles, np.append(times, 0.0))[:-1]
         even = inverse_laplace(numerator, poles, times)
         assert np.max(np.abs(even - uneven)) < 1e-12 * np.max(np.abs(uneven))

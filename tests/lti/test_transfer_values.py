@@ -16,7 +16,9 @@ POINTS = np.concatenate((1j * np.geomspace(1e-3, 1e4, 60), [0.3 - 2j, -0.5 + 10j
 
 def random_system(build: Build, draw: np.random.Generator, n: int, m: int) -> DelayStateSpace:
     """Stable, some of its gains zero, the last channel unmoved."""
-    blocks = {name: draw.normal(size=shape) * (draw.random(shape) < 0.7) for name, shape in (("Bz", (n, m)), ("Cz", (m, n)), ("Dzu", (m, 1)))}
+    blocks = {
+        name: draw.normal(size=shape) * (draw.random(shape) < 0.7) for name, shape in (("Bz", (n, m)), ("Cz", (m, n)), ("Dzu", (m, 1)))
+    }
     blocks["Cz"][-1] = blocks["Dzu"][-1] = 0.0
     A = draw.normal(size=(n, n)) - 3.0 * np.eye(n)
     outputs = {"Cy": draw.normal(size=(2, n)), "Dyu": draw.normal(size=(2, 1)), "Dyz": draw.normal(size=(2, m))}

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from revline.design.fitting.output_error import make_problem, minimise
+from revline.design.fitting.fit_problem import make_problem
+from revline.design.fitting.output_error import minimise
 from revline.lti.polynomial import polynomial_roots
 
 OMEGA = np.geomspace(0.1, 50.0, 25)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.optimize.elementwise import find_minimum, find_root
 
 from revline.design.stability.bracket_search import Ends, Floats, find_lowest, find_roots
@@ -13,15 +14,13 @@ SHIFTS = DRAW.uniform(-1.0, 1.0, 60)
 STEEP = 10.0 ** DRAW.uniform(-2.0, 2.0, 60)
 
 
-def curve(x: Floats, k: Floats) -> Floats:
+def curve(x: Floats, k: NDArray[np.intp]) -> Floats:
     """Odd and monotone about a shift, some nearly flat there and some nearly a step."""
-    at = np.asarray(k, dtype=int)
-    return np.asarray(np.tanh(STEEP[at] * (x - SHIFTS[at])) + 0.1 * (x - SHIFTS[at]) ** 3)
+    return np.asarray(np.tanh(STEEP[k] * (x - SHIFTS[k])) + 0.1 * (x - SHIFTS[k]) ** 3)
 
 
-def bowl(x: Floats, k: Floats) -> Floats:
-    at = np.asarray(k, dtype=int)
-    return np.asarray(np.cosh(STEEP[at] ** 0.5 * (x - SHIFTS[at])) + 0.3 * np.cos(x))
+def bowl(x: Floats, k: NDArray[np.intp]) -> Floats:
+    return np.asarray(np.cosh(STEEP[k] ** 0.5 * (x - SHIFTS[k])) + 0.3 * np.cos(x))
 
 
 def test_roots_are_found_to_rounding_and_are_those_of_scipy() -> None:
@@ -46,8 +45,8 @@ def test_a_function_that_only_halving_can_follow() -> None:
 def test_lowest_points_are_those_of_scipy() -> None:
     which = np.arange(60)
     places = np.full(60, -2.0), np.clip(SHIFTS + 0.1, -1.5, 2.0), np.full(60, 2.5)
-    values = tuple(bowl(one, which) for one in places)
-    kept = (values[1] <= values[0]) & (values[1] <= values[2])
+    left, middle, right = (bowl(one, which) for one in places)
+    kept = (middle <= left) & (middle <= right)
     assert np.sum(kept) > 30
     held = which[kept]
     a, b, c = (one[kept] for one in places)
@@ -55,5 +54,7 @@ def test_lowest_points_are_those_of_scipy() -> None:
     known = find_minimum(bowl, (a, b, c), args=(held,))
     assert np.array_equal(found.values, known.f_x)
     assert np.array_equal(found.places, known.x)
-    flat = find_lowest(lambda x, _: np.abs(x - 0.25), (np.zeros(1), np.full(1, 0.3), np.ones(1)), (np.full(1, 0.25), np.full(1, 0.05), np.full(1, 0.75)))
+    flat = find_lowest(
+        lambda x, _: np.abs(x - 0.25), (np.zeros(1), np.full(1, 0.3), np.ones(1)), (np.full(1, 0.25), np.full(1, 0.05), np.full(1, 0.75))
+    )
     assert flat.places[0] == pytest.approx(0.25, abs=1e-8)
