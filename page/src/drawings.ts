@@ -259,7 +259,7 @@ export function drawPlane(found: Found, state: State, controllers: readonly Name
     const name = `Ms ${contour.ms}`;
     if (contour.none) {
       lines.push({ ...look, label: `${name}: none`, x: [], y: [], title: contour.none });
-      missing.push(`no gains have ${name}: ${contour.none}`);
+      missing.push(contour.none);
     }
     for (const [j, piece] of (contour.pieces ?? []).entries()) {
       lines.push({

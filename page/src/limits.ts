@@ -16,7 +16,12 @@ export function limitsRow(store: Store, fault: (key: string) => HTMLElement): Li
   const row = element("div", { className: "control limits" });
   row.setAttribute("role", "group");
   row.setAttribute("aria-label", "Limits of the throttle");
-  const reset = element("button", { type: "button", textContent: "↺", title: "The engine's own limits" });
+  const reset = element("button", {
+    type: "button",
+    className: "small",
+    textContent: "↺",
+    title: "The engine's own limits",
+  });
   reset.setAttribute("aria-label", "Reset the limits to the engine's own");
   reset.addEventListener("click", () => {
     store.replace(without(without(store.state, "low_deg"), "high_deg"));
