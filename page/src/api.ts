@@ -156,9 +156,9 @@ export class Refused extends Error {
 
 const CLIENT = Array.from(crypto.getRandomValues(new Uint8Array(9)), (n) => n.toString(36)).join("");
 
-/** Ask for parts of a view. */
-export async function fetchView(state: State, parts: PartName[], client = CLIENT): Promise<Found> {
-  const answer = await post("/api/v1/view", { state, parts }, client);
+/** Ask for parts of a view; `line` names what the newest of displaces what waits, on this page alone. */
+export async function fetchView(state: State, parts: PartName[], line = ""): Promise<Found> {
+  const answer = await post("/api/v1/view", { state, parts }, CLIENT + line);
   return ((await answer.json()) as { parts: Found }).parts;
 }
 

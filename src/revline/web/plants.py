@@ -124,7 +124,7 @@ def limits_of(state: State, point: Point) -> Limits:
     Raises:
         InvalidInputError: the lower one is not below the upper one, or the angle at rest is not within them.
     """
-    saturation = lee1995_parameters(point.engine).throttle.saturation_angle
+    saturation = _saturation(place_of(state))
     low = 0.0 if state.low_deg is None else state.low_deg
     high = saturation if state.high_deg is None else state.high_deg
     if not low < high:
@@ -139,6 +139,12 @@ def limits_of(state: State, point: Point) -> Limits:
         )
         raise InvalidInputError(message, control=control, low=low, high=high, angle=angle)
     return Limits(low, high)
+
+
+@lru_cache(maxsize=KEPT)
+def _saturation(place: Place) -> float:
+    """The throttle angle from which on it lets no more air pass."""
+    return lee1995_parameters(find_point(place).engine).throttle.saturation_angle
 
 
 def control_of(error: RevlineError, state: State) -> str:

@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 
 from revline.analysis.linearize import linearize
 from revline.analysis.threads import Progress
-from revline.design.maps.gain_box import Box, BoxGains, Solver
+from revline.design.maps.box_gains import CommonGains, Solver
+from revline.design.maps.gain_box import BoxGains
 from revline.design.maps.gain_map import Design, GainMap, GainPoint
+from revline.design.maps.operating_box import CORNERS, Box
 from revline.design.regions.gain_curve import LoopFamily
 from revline.design.regions.gain_region import find_gain_region
 from revline.design.regions.loop_family import family_of_system
@@ -38,15 +40,15 @@ SLICES = 9
 ROOM = 1.2
 """By this factor the box of gains exceeds that reach."""
 
-FEWEST_LINES, MOST_LINES, LINES_PER_EXCESS = 60, 240, 12.0
+FEWEST_LINES, MOST_LINES, LINES_PER_EXCESS = 60, 960, 12.0
 """Parts of each axis to whose lines the points of proofs are moved inwards, so that they are shared by many: the more, the nearer the limit
 is to come to the found box."""
 
 MOST_PARTS = 20_000
 """Most parts of the map that are looked at."""
 
-FEWEST_CELLS, MOST_CELLS, CELLS_PER_EXCESS = 1_500, 4_000, 200.0
-"""Most cells of one proof, likewise: where more would be needed another, larger box is easier to rule out."""
+FEWEST_CELLS, MOST_CELLS, CELLS_PER_EXCESS = 4_000, 60_000, 1_000.0
+"""Most cells of one proof, likewise: where more would be needed another, larger box is easier to rule out. Few proofs are tried in vain."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,6 +176,9 @@ class _Prover:
         self._cells = round(min(MOST_CELLS, max(FEWEST_CELLS, CELLS_PER_EXCESS / within)))
         self._design = Design(kd=reference.kd, peak=reference.peak)
         self._solve = Solver(system, reference, self._design)
+        at_found = Design(kd=found.kd, peak=found.peak)
+        own = self._solve if at_found == self._design else Solver(system, reference, at_found)
+        self._common = CommonGains(own, self._solve, found.floor, found.peak)
         self._whole = _whole(reference)
         self._families: dict[tuple[float, float], Point] = {}
         self._reach: dict[tuple[float, float], tuple[float, float, float]] = {}
@@ -206,6 +211,8 @@ class _Prover:
         return Box(*first, *second)
 
     def _try(self, box: Box, places: tuple[tuple[float, float], ...]) -> Ruled | None:
+        if self._common.exist(box, CORNERS[: len(places)]):
+            return None  # sooner told so than by a proof that fails
         points = [self._solve(place) for place in places]
         if not all(isinstance(point, GainPoint) for point in points):
             return None

@@ -18,6 +18,7 @@ from revline.lti.interconnection import feed_back, select
 from revline.lti.roots import characteristic_roots
 from revline.lti.state_space import DelayStateSpace, Signal, position
 from revline.lti.transfer_function import TransferFunction
+from revline.lti.transfer_values import transfer_values
 
 Complexes = NDArray[np.complex128]
 Transfer = Callable[[ArrayLike], Complexes]
@@ -99,12 +100,12 @@ def open_loop_of_system(plant: DelayStateSpace, law: AnyPid, *, wires: LoopSigna
     of_measurement = gains.setpoint_transfer if len(needed) == 2 else controller.feedback_transfer
     weights = (of_measurement, lambda s: gains.kd * np.ones_like(s))
 
-    wired = select(plant, [drive], needed)
+    answers = transfer_values(select(plant, [drive], needed))
 
     def transfer(s: ArrayLike) -> Complexes:
         points = np.asarray(s, dtype=complex)
-        values = wired.transfer(points)
-        return np.asarray(sum(values[..., k, 0] * weights[k](points) for k in range(len(needed))))
+        values = answers(points)
+        return np.asarray(sum(values[k] * weights[k](points) for k in range(len(needed))))
 
     closed = characteristic_roots(_close(plant, controller, drive, needed))
     return OpenLoop(

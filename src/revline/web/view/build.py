@@ -58,16 +58,25 @@ def make_view(state: State, parts: Sequence[str]) -> Mapping[str, Any]:
         InvalidInputError: there is no part of a name.
     """
     began = time.perf_counter()
-    for name in parts:
-        if name not in PARTS and name != WORDS:
-            known = (*PARTS, WORDS)
-            message = f"a view has no part {name!r}{suggestion(name, known)}; it has {', '.join(known)}"
-            raise InvalidInputError(message, control="parts")
+    check_parts(parts)
     wanted = dict.fromkeys(name for name in parts if name != WORDS)
     found = {name: find_part(name, state) for name in wanted}
     if WORDS in parts:
         found[WORDS] = view_words(*(found[name] if name in found else find_part(name, state) for name in OF_WORDS))
     return {"parts": found, "seconds": time.perf_counter() - began}
+
+
+def check_parts(parts: Sequence[str]) -> None:
+    """Refuse a part that there is not.
+
+    Raises:
+        InvalidInputError: there is no part of a name.
+    """
+    for name in parts:
+        if name not in PARTS and name != WORDS:
+            known = (*PARTS, WORDS)
+            message = f"a view has no part {name!r}{suggestion(name, known)}; it has {', '.join(known)}"
+            raise InvalidInputError(message, control="parts")
 
 
 def find_part(name: str, state: State) -> Mapping[str, Any]:

@@ -53,6 +53,7 @@ def view_gains(state: State) -> Mapping[str, Any]:
     kp = np.linspace(window.kp_low, window.kp_high, COLUMNS)
     ki = np.linspace(0.0, window.ki_high, ROWS)
     stable = region.stabilises(kp[None, :], ki[:, None])
+    area = region.area
     return {
         "kd": state.kd,
         "window": {"kp_low": window.kp_low, "kp_high": window.kp_high, "ki_high": window.ki_high},
@@ -60,7 +61,7 @@ def view_gains(state: State) -> Mapping[str, Any]:
         "boundary": _pieces(region),
         "shade": ["".join("1" if cell else "0" for cell in row) for row in stable],
         "kp_intervals_without_integral": [list(ends) for ends in region.kp_ends()],
-        "area": {"value": region.area.value, "error": region.area.error},
+        "area": {"value": area.value, "error": area.error},
     }
 
 
@@ -184,7 +185,7 @@ def _pairs(roots: Any) -> list[list[float]]:
 @lru_cache(maxsize=64)
 def _region(place: Place, kd: float) -> GainRegion:
     point = find_point(place)
-    return find_gain_region(family_of_system(point.linear.model, kd=kd, name=point.engine.name))
+    return find_gain_region(family_of_system(point.linear.model, kd=kd, name=point.engine.name, roots=point.trim.roots))
 
 
 @lru_cache(maxsize=64)
