@@ -40,7 +40,8 @@ const need = <T extends HTMLElement = HTMLElement>(id: string): T => {
 };
 
 const read = fromAddress(location.hash);
-const readOfLook = readLook(new URLSearchParams(location.hash.replace(/^#/, "")), STOPS.length);
+const addressEntries = () => new URLSearchParams(location.hash.replace(/^#/, ""));
+const readOfLook = readLook(addressEntries(), STOPS.length);
 const faults = [...read.faults, ...readOfLook.faults];
 const store = new Store(read.state);
 const looks = new Looks(readOfLook.look);
@@ -137,7 +138,7 @@ const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[
       id: "distortion",
       title: "Distortion",
       x: frequency,
-      y: { label: "harmonics", unit: "% of fundamental" },
+      y: { label: "distortion", unit: "%" },
     }),
     draw: () => drawDistortion(found),
     parts: ["response"],
@@ -394,6 +395,7 @@ document.addEventListener("keydown", (event) => {
 });
 window.addEventListener("hashchange", () => {
   const next = fromAddress(location.hash);
+  look(readLook(addressEntries(), STOPS.length).look);
   if (!same(next.state, store.state)) store.replace(next.state);
 });
 
@@ -445,6 +447,7 @@ controls.engineBox.addEventListener("toggle", () => looks.open("engine", control
 /** Show the page as a link wants it looked at. */
 function look({ errors, open, tour: step }: Look): void {
   showErrors(errors);
+  looks.set({ errors });
   controls.engineBox.open = open.includes("engine");
   if (open.includes("data")) data.open();
   if (open.includes("jobs")) jobs.open();
