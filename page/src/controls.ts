@@ -1,6 +1,7 @@
 /** The controls: numbers with sliders, choices, presets and the engine's parameters; a problem stands at the control that caused it. */
 
 import type { Named } from "./drawings";
+import { limitsRow } from "./limits";
 import { DEFAULTS, type NumberKey, type State, type StepKind } from "./state";
 import type { Store } from "./store";
 
@@ -91,6 +92,11 @@ export function fromPosition(position: number, spec: Pick<Spec, "low" | "high" |
   return Number((Math.round(value / spec.step) * spec.step).toPrecision(12));
 }
 
+const ENGINES: Record<string, string> = {
+  lee1995: "Lee (1995)",
+  "lee1995-generic": "Lee (1995), generic efficiency",
+};
+
 export interface Parameter {
   key: string;
   section: string;
@@ -123,6 +129,9 @@ export class Controls {
     const gains = this.group("Controller");
     gains.append(this.presets());
     for (const spec of GAINS) gains.append(this.number(spec));
+    const limits = limitsRow(store, (key) => this.fault(key));
+    gains.append(limits.element);
+    this.rows.push({ element: limits.element, update: (state) => limits.update(state, this.ownLimit(state)) });
     const step = this.group("Step at time 0");
     step.append(this.kinds());
     for (const spec of STEP) step.append(this.number(spec));
@@ -132,19 +141,30 @@ export class Controls {
   /** The operating point found last. */
   point: { throttle_deg: number; speed_rad_s: number } | undefined;
   private readonly presetBox = document.createElement("p");
+  /** The engine's parameters, which can be opened and closed. */
+  readonly engineBox = document.createElement("details");
+  private engineRows: Row[] = [];
+  private saturation: Parameter | undefined;
 
   update(state: State): void {
-    for (const row of this.rows) row.update(state);
+    for (const row of [...this.rows, ...this.engineRows]) row.update(state);
   }
 
-  /** Put problems at the controls that caused them; an empty key is no control's. */
-  tell(problems: ReadonlyMap<string, string>): void {
+  /** Where the engine itself limits its throttle, in deg. */
+  private ownLimit(state: State): number | undefined {
+    return this.saturation && (state.parameters[this.saturation.key] ?? this.saturation.value);
+  }
+
+  /** Put problems at the controls that caused them, and remarks where there is no problem; an empty key is no control's. */
+  tell(problems: ReadonlyMap<string, string>, remarks: ReadonlyMap<string, string> = new Map()): void {
     for (const [key, element] of this.faults) {
-      const text = problems.get(key) ?? "";
+      const problem = problems.get(key) ?? "";
+      const text = problem || (remarks.get(key) ?? "");
       if (element.textContent !== text) element.textContent = text;
       element.hidden = text === "";
+      element.classList.toggle("remark", problem === "");
       const input = document.getElementById(`${key}-number`);
-      if (text) input?.setAttribute("aria-invalid", "true");
+      if (problem) input?.setAttribute("aria-invalid", "true");
       else input?.removeAttribute("aria-invalid");
     }
   }
@@ -166,8 +186,11 @@ export class Controls {
     );
   }
 
-  engine(parameters: readonly Parameter[]): void {
-    const box = document.createElement("details");
+  /** Offer the engines and the parameters of the one shown. */
+  engine(names: readonly string[], parameters: readonly Parameter[]): void {
+    const box = this.engineBox;
+    this.engineRows = [];
+    this.saturation = parameters.find(({ name }) => name === "saturation angle");
     const title = document.createElement("summary");
     title.textContent = "Engine";
     const count = document.createElement("span");
@@ -177,7 +200,7 @@ export class Controls {
     reset.type = "button";
     reset.textContent = "Reset the engine";
     reset.addEventListener("click", () => this.store.set({ parameters: {} }));
-    box.append(title, reset);
+    box.replaceChildren(title, this.engines(names), reset);
     let section = "";
     for (const parameter of parameters) {
       if (parameter.section !== section) {
@@ -188,16 +211,36 @@ export class Controls {
       }
       box.append(this.parameter(parameter));
     }
-    this.rows.push({
+    this.engineRows.push({
       element: box,
       update: (state) => {
         const changed = Object.keys(state.parameters).length;
-        count.textContent = changed ? `${changed} changed` : "as published";
+        const which = state.engine === DEFAULTS.engine ? "" : `${ENGINES[state.engine] ?? state.engine}, `;
+        count.textContent = which + (changed ? `${changed} changed` : "as published");
         reset.hidden = changed === 0;
       },
     });
-    this.form.append(box);
+    if (!box.isConnected) this.form.append(box);
     this.update(this.store.state);
+  }
+
+  private engines(names: readonly string[]): HTMLElement {
+    const row = document.createElement("p");
+    row.className = "kinds";
+    const label = document.createElement("label");
+    const select = document.createElement("select");
+    select.id = "engine-choice";
+    for (const name of names) select.append(new Option(ENGINES[name] ?? name, name));
+    select.addEventListener("change", () => this.store.set({ engine: select.value, parameters: {} }));
+    label.append("Built-in ", select);
+    row.append(label);
+    this.engineRows.push({
+      element: row,
+      update: (state) => {
+        select.value = state.engine;
+      },
+    });
+    return row;
   }
 
   private group(title: string): HTMLElement {
@@ -272,8 +315,18 @@ export class Controls {
       row.classList.toggle("changed", changed);
       reset.hidden = !changed;
     };
-    this.rows.push({ element: row, update });
+    this.engineRows.push({ element: row, update });
     return row;
+  }
+
+  private fault(key: string): HTMLElement {
+    const fault = document.createElement("p");
+    fault.id = `${key}-fault`;
+    fault.className = "fault";
+    fault.setAttribute("role", "alert");
+    fault.hidden = true;
+    this.faults.set(key, fault);
+    return fault;
   }
 
   private pair(key: string, label: string, unit: string) {
@@ -294,13 +347,7 @@ export class Controls {
     field.type = "number";
     field.id = `${key}-number`;
     field.setAttribute("aria-describedby", `${key}-fault`);
-    const fault = document.createElement("p");
-    fault.id = `${key}-fault`;
-    fault.className = "fault";
-    fault.setAttribute("role", "alert");
-    fault.hidden = true;
-    this.faults.set(key, fault);
-    row.append(text, field, units, slider, fault);
+    row.append(text, field, units, slider, this.fault(key));
     return { row, slider, field };
   }
 

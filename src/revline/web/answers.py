@@ -19,7 +19,7 @@ from revline.web.state import parse_state
 from revline.web.study_file import format_study
 from revline.web.view.build import check_parts, make_view
 
-LIVE: Final = ("point", "response", "models", "roots", "gains", "margins", "promises", "loop", "answers", "words")
+LIVE: Final = ("point", "response", "models", "roots", "gains", "margins", "loop_roots", "promises", "loop", "answers", "words")
 """Parts that follow each move on a page."""
 
 

@@ -12,7 +12,9 @@ from revline import signals
 from revline.analysis.linearize import linearize
 from revline.analysis.trim import find_trim
 from revline.design.controllers.controller import PidGains
+from revline.design.controllers.gain_schedule import GainSchedule
 from revline.design.controllers.pid_controller import PidController
+from revline.design.controllers.scheduled_pid import ScheduledController
 from revline.design.loops.run_ending import Ending, Seen, judge_ending
 from revline.design.loops.sampled_loop import Disturbance, SampledTask, run_sampled_loop
 from revline.design.plants.loop_signals import operating_point
@@ -67,7 +69,9 @@ def test_a_place_where_the_linear_loop_is_unstable_fails_unrun_unless_asked() ->
     assert found.runs == ()
     assert found.reserves == ()
     assert len(found.reasons) == 1
-    assert found.reasons[0].startswith("throttle 15, load_torque 20: the linear loop is unstable, with 2 roots outside the unit circle")
+    assert found.reasons[0].startswith(
+        "throttle 15, load_torque 20: the linear loop is unstable, with 2 roots outside the unit circle; it would be stable below 0.507 times its gains"
+    )
     with pytest.raises(InvalidInputError, match="no place was run, for the linear loop is unstable at all"):
         _ = found.gain_reserve_db
     run = judge(C2D, 15.0, load=20.0, battery=replace(SHORT, of_unstable=OfUnstable.RUN))
@@ -246,3 +250,24 @@ def test_a_reserve_is_found_from_anywhere_it_is_expected_and_by_fewer_runs_where
         assert found.factor < RESOLUTION * blind.hunts
         assert blind.factor < RESOLUTION * found.hunts
     assert find(blind.factor).runs < blind.runs
+
+
+def test_a_schedule_over_other_signals_is_refused() -> None:
+    """Gains looked up by another signal than the measured one, or in another unit, would be others than those designed."""
+    table = GainSchedule(
+        names=("engine_speed", "load_torque"),
+        units=("rad/s", "N m"),
+        gain_unit="deg/(rad/s)",
+        first=np.array([100.0, 400.0]),
+        second=np.array([0.0, 20.0]),
+        kp=np.full((2, 2), 0.4),
+        ki=np.full((2, 2), 0.6),
+        kd=np.zeros((2, 2)),
+    )
+    for wrong, words in (
+        (replace(table, names=("shaft_speed", "load_torque")), "over shaft_speed, and the controller measures engine_speed"),
+        (replace(table, names=("engine_speed", "wind")), "there is no signal wind"),
+        (replace(table, units=("rad/s", "lbf ft")), "counts load_torque in lbf ft and lee1995 has it in N m"),
+    ):
+        with pytest.raises(InvalidInputError, match=words):
+            accept({"lee1995": lee1995()}, ScheduledController(controller=sampled(MILD), schedule=wrong), [{"throttle": 25.0}])

@@ -47,8 +47,8 @@ is to come to the found box."""
 MOST_PARTS = 20_000
 """Most parts of the map that are looked at."""
 
-FEWEST_CELLS, MOST_CELLS, CELLS_PER_EXCESS = 1_500, 4_000, 200.0
-"""Most cells of one proof, likewise: where more would be needed another, larger box is easier to rule out."""
+FEWEST_CELLS, MOST_CELLS, CELLS_PER_EXCESS = 4_000, 60_000, 1_000.0
+"""Most cells of one proof, likewise: where more would be needed another, larger box is easier to rule out. Few proofs are tried in vain."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,7 +15,8 @@ from revline.analysis.trim import Trim, find_trim
 from revline.design.controllers.pid_controller import Continuous, PidController
 from revline.design.controllers.pid_update import sampled_pid
 from revline.design.controllers.scheduled_pid import AnyController, ScheduledController, law_of
-from revline.design.loops.sampled_loop import Disturbance, SampledTask, run_sampled_loop
+from revline.design.loops.linear_verdict import judge_linear_system
+from revline.design.loops.sampled_loop import Disturbance, SampledTask, check_schedule, run_sampled_loop
 from revline.design.plants.loop_signals import SPEED_BY_THROTTLE, LoopSignals, OperatingPoint, operating_point
 from revline.design.stability.discrete_loop import DiscreteMargins, find_discrete_margins, sampled_plant_of_system
 from revline.design.trials.acceptance_runs import Measures, Probe, measure_run, refuse_probe
@@ -168,11 +169,13 @@ class LinearLoop:
         place: inputs at the trim, by name.
         margins: with sampling and hold as they are.
         delay: longest lag of the plant there, in s.
+        remedy: where it is unstable, with which multiple of its gains it would be stable, as the end of a sentence; else empty.
     """
 
     place: Mapping[str, float]
     margins: DiscreteMargins
     delay: float
+    remedy: str = ""
 
     @property
     def gain_margin(self) -> float | None:
@@ -197,11 +200,9 @@ class LinearLoop:
         margins = self.margins.margins
         if margins.stable:
             return ""
-        fall = margins.gain_fall
-        lacks = f"; it would be stable at {fall.gain_margin:.3g} times its gains" if fall is not None and margins.gain_rise is None else ""
         place = ", ".join(f"{name} {value:g}" for name, value in self.place.items())
         roots = "1 root" if margins.unstable_poles == 1.0 else f"{margins.unstable_poles:g} roots"
-        return f"{place}: the linear loop is unstable, with {roots} outside the unit circle{lacks}"
+        return f"{place}: the linear loop is unstable, with {roots} outside the unit circle{self.remedy}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -267,7 +268,8 @@ def accept(
         progress: told which part of the runs is done.
 
     Raises:
-        InvalidInputError: there is no place, the controller is continuous, or its limits exclude a trim.
+        InvalidInputError: there is no place, the controller is continuous, its limits exclude a trim, or it is scheduled over signals that
+            it does not read from the plant.
         NoTrimError: there is no trim at a place.
         NotConvergedError: a loop moves so slowly that no run tells its reserve.
         StepError: the battery's step is longer than a lag that a run comes to.
@@ -277,6 +279,7 @@ def accept(
         message = "a controller is accepted on one plant and at one operating point at least; give the plant and the inputs of a trim"
         raise InvalidInputError(message)
     (nominal, plant), names = next(iter(plants.items())), tuple(plants)
+    check_schedule(plant, controller, wires)
     trims = {(name, k): find_trim(each, inputs=dict(place)) for name, each in plants.items() for k, place in enumerate(places)}
     points = {key: operating_point(trim, wires) for key, trim in trims.items()}
     for trim in trims.values():  # what the controller cannot do at all is refused before anything is computed
@@ -328,7 +331,8 @@ def _linear_loop(plant: DelaySystem, trim: Trim, controller: AnyController, plac
     model = linearize(plant, trim).model
     sampled = sampled_plant_of_system(model, wires=wires, name=plant.name)
     margins = find_discrete_margins(sampled, local, speed=speed)
-    return LinearLoop(place=place, margins=margins, delay=float(max(model.lags, default=0.0)))
+    remedy = "" if margins.margins.stable else judge_linear_system(plant, trim, local, wires=wires).remedy
+    return LinearLoop(place=place, margins=margins, delay=float(max(model.lags, default=0.0)), remedy=remedy)
 
 
 def _cases(place: Mapping[str, float], battery: Battery, plants: Sequence[str], *, seed: int) -> list[Case]:

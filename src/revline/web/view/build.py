@@ -10,10 +10,10 @@ from revline.errors import InvalidInputError, RevlineError, suggestion
 from revline.web.plants import control_of
 from revline.web.problems import make_problem, problem_of
 from revline.web.state import State
-from revline.web.view.gains import view_contours, view_gains, view_margins, view_promises, view_roots
+from revline.web.view.gains import view_contours, view_gains, view_loop_roots, view_margins, view_promises, view_roots
 from revline.web.view.loops import view_answers, view_cycle, view_loop
 from revline.web.view.responses import view_models, view_peaks, view_response
-from revline.web.view.rest import view_map, view_point
+from revline.web.view.rest import view_map, view_point, view_validity
 from revline.web.view.words import view_words
 
 PARTS: Final[Mapping[str, Callable[[State], Mapping[str, Any]]]] = MappingProxyType(
@@ -24,10 +24,12 @@ PARTS: Final[Mapping[str, Callable[[State], Mapping[str, Any]]]] = MappingProxyT
         "roots": view_roots,
         "gains": view_gains,
         "margins": view_margins,
+        "loop_roots": view_loop_roots,
         "promises": view_promises,
         "loop": view_loop,
         "answers": view_answers,
         "map": view_map,
+        "validity": view_validity,
         "contours": view_contours,
         "peaks": view_peaks,
         "cycle": view_cycle,
@@ -38,7 +40,7 @@ PARTS: Final[Mapping[str, Callable[[State], Mapping[str, Any]]]] = MappingProxyT
 WORDS: Final = "words"
 OF_WORDS: Final = ("point", "margins", "promises", "loop")
 
-GROUPS: Final = (("response", "models", "roots", "promises", "answers"), ("point", "gains", "margins", "loop"))
+GROUPS: Final = (("response", "models", "roots", "promises", "answers"), ("point", "gains", "margins", "loop_roots", "loop"))
 """Live parts that share most of what they need, one group for each of two processes; `words` is made of both."""
 
 
