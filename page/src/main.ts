@@ -18,6 +18,7 @@ import {
   Refused,
   sendFile,
   startJob,
+  type View,
 } from "./api";
 import { Controls, type Parameter } from "./controls";
 import { Data, type FileAnswer } from "./data";
@@ -225,9 +226,9 @@ function report(view: "busy" | "drawn" | "settled"): void {
 }
 
 const slowKeys = new Map<PartName, string>();
-const slowFollower = new Follower<{ state: State; parts: PartName[] }, Found>(
+const slowFollower = new Follower<{ state: State; parts: PartName[] }, View>(
   ({ state, parts }) => fetchView(state, parts, "slow"),
-  (answer, asked) => {
+  ({ parts: answer }, asked) => {
     if (!same(asked.state, store.state)) return;
     for (const part of asked.parts) slowKeys.set(part, keyOf(part, asked.state));
     found = { ...found, ...answer };
@@ -249,23 +250,38 @@ function askSlow(): void {
   }, REST);
 }
 
-const follower = new Follower<State, Found>(
-  (state) => fetchView(state, slowKeys.get("map") === keyOf("map", state) ? LIVE : [...LIVE, "map"]),
-  (answer, asked) => {
+/** What the server left for later, of the state shown. */
+let left: PartName[] = [];
+
+function wanted(state: State): PartName[] {
+  if (left.length > 0 && shown && same(shown, state)) return left;
+  return slowKeys.get("map") === keyOf("map", state) ? LIVE : [...LIVE, "map"];
+}
+
+const follower = new Follower<State, View>(
+  (state) => fetchView(state, wanted(state)),
+  ({ parts: answer, later }, asked) => {
     for (const part of SLOW) {
       // What no longer belongs to this state must not be shown with it.
       if (slowKeys.get(part) !== keyOf(part, asked)) delete found[part];
     }
     if (answer.map) slowKeys.set("map", keyOf("map", asked));
     found = { ...found, ...answer };
+    for (const part of later) delete found[part];
+    left = later;
     shown = asked;
+    attempts = 0;
     banner.hidden = faults.length === 0;
-    verdict.textContent = answer.words?.verdict ?? "";
+    verdict.textContent = found.words?.verdict ?? (left.length > 0 ? "many ask at once: the rest follows" : "");
     verdict.title = verdict.textContent;
-    verdict.className = toneOf(answer);
+    verdict.className = toneOf(found);
     if (found.point && !isProblem(found.point)) controls.point = found.point;
     redraw();
     if (!same(asked, store.state)) return;
+    if (left.length > 0) {
+      follower.follow(asked);
+      return;
+    }
     report("drawn");
     askSlow();
   },
@@ -273,6 +289,7 @@ const follower = new Follower<State, Found>(
 );
 
 function toneOf(answer: Found): string {
+  if (left.length > 0 && !answer.margins) return "";
   if (answer.margins && !isProblem(answer.margins)) {
     const hunts = answer.loop && !isProblem(answer.loop) && answer.loop.outcome !== "settled" && answer.loop.outcome;
     return answer.margins.stable && !hunts ? "good" : "bad";
@@ -282,7 +299,8 @@ function toneOf(answer: Found): string {
 
 let attempts = 0;
 function lost(error: unknown): void {
-  if (error instanceof Refused) {
+  const busy = error instanceof Refused && error.problem.status === 503;
+  if (error instanceof Refused && !busy) {
     if (error.problem.status === 409) return;
     controls.tell(new Map([[error.problem.control ?? "", error.problem.detail]]));
     if (!controls.knows(error.problem.control ?? "")) say(error.problem.detail);
@@ -293,14 +311,15 @@ function lost(error: unknown): void {
     report("settled");
     return;
   }
-  if (!(error instanceof Lost)) throw error;
+  if (!busy && !(error instanceof Lost)) throw error;
   attempts += 1;
   const wait = Math.min(2 ** attempts, 20);
   for (const { plot } of plots) plot.grey();
-  say(`The server does not answer; what is shown is the last it said. Trying again every ${wait} s.`);
+  const why = busy ? error.problem.detail : "The server does not answer";
+  say(`${why}; what is shown is the last it said. Trying again every ${wait} s.`);
   setTimeout(() => {
     fetchJson("/api/v1/health").then(() => {
-      attempts = 0;
+      if (!busy) attempts = 0;
       banner.hidden = true;
       start();
       follower.follow(store.state);
