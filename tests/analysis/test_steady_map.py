@@ -1,14 +1,21 @@
 """Steady states over an input: the engine's published map, ends found by bisection, what is named in warnings."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from revline.analysis import steady_map
 from revline.analysis.linearize import linearize
 from revline.analysis.steady_map import SteadyMap, find_steady_map
+from revline.analysis.trim import Trim, find_trim
+from revline.analysis.trim_branches import follow_each
+from revline.engine.lee1995 import LEE_1995, lee1995
 from revline.errors import InvalidInputError, NoTrimError
-from revline.system import DelaySystem
+from revline.system import DelaySystem, Floats
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +56,77 @@ def test_warnings_name_what_is_left_out(engine_map: SteadyMap) -> None:
     assert "engine_speed = 0.9708 rad/s, with a lag of 5.6" in text
     assert "engine_speed = 4.743 rad/s" in text
     assert f"no steady state below throttle = {engine_map.lowest:.6g} deg, where engine_speed = 10 rad/s" in text
+
+
+@given(st.lists(st.floats(-0.5, 0.5), min_size=8, max_size=8), st.sampled_from([-20.0, 0.0, 0.0, 10.0, 40.0, 90.0]), st.integers(3, 9))
+@settings(max_examples=12)
+def test_a_map_is_what_single_trims_give(changes: list[float], load: float, points: int) -> None:
+    """Of any engine, also where it stalls: states, stability and roots within 1e-9, the same values without a steady state."""
+    engine, grid = drawn_engine(changes), np.linspace(0.0, 90.0, points)
+    alone: dict[float, Trim] = {}
+    near: dict[str, float] = {}
+    reasons = {}
+    for angle in grid.tolist():
+        try:
+            alone[angle] = find_trim(engine, inputs={"throttle": angle, "load_torque": load}, near=near)
+        except NoTrimError as error:
+            reasons[angle] = str(error)
+        else:
+            near = named(alone[angle])
+    if not alone:
+        with pytest.raises(NoTrimError, match="no steady state at any throttle of 0 to 90 deg"):
+            find_steady_map(engine, sweep_input="throttle", values=grid, output="engine_speed", inputs={"load_torque": load})
+        return
+    found = find_steady_map(engine, sweep_input="throttle", values=grid, output="engine_speed", inputs={"load_torque": load})
+    assert found.values.tolist() == list(alone)
+    assert [entry.value for entry in found.missing] == list(reasons)
+    for entry in found.missing:
+        assert entry.reason.split(":")[0].split("(")[0] == reasons[entry.value].split(":")[0].split("(")[0]
+    for trim, single in zip(found.trims, alone.values(), strict=True):
+        assert trim.states == pytest.approx(single.states, rel=1e-9)
+        assert trim.residual <= 1e-8
+        assert (trim.stable, trim.unstable_count) == (single.stable, single.unstable_count)
+        assert trim.roots.roots == pytest.approx(single.roots.roots, rel=1e-9, abs=1e-9)
+        assert len(trim.alternatives) >= len(single.alternatives)
+    for boundary in found.boundaries:
+        assert abs(boundary.value - boundary.without.value) <= 1e-6
+        with pytest.raises(NoTrimError, match="no trim at throttle"):
+            find_trim(engine, inputs={"throttle": boundary.without.value, "load_torque": load}, near=named(boundary.trim))
+        again = find_trim(engine, inputs={"throttle": boundary.value, "load_torque": load}, near=named(boundary.trim))
+        assert again.states == pytest.approx(boundary.trim.states, rel=1e-9)
+
+
+def test_an_end_where_following_leads_astray_is_found_by_full_searches(linear: DelaySystem, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Were what is followed believed, the end would lie at 2.5 N; it lies at 3 N."""
+    narrow = replace(linear, states=(replace(linear.states[0], search_low=-10.0, search_high=2.0),))
+
+    def astray(system: DelaySystem, inputs: Sequence[Mapping[str, float]], starts: Floats) -> list[tuple[bool, Floats]]:
+        return [(each["force"] < 2.5, found) for each, (_, found) in zip(inputs, follow_each(system, inputs, starts), strict=True)]
+
+    monkeypatch.setattr(steady_map, "follow_each", astray)
+    found = find_steady_map(narrow, sweep_input="force", values=[0.0, 2.0, 4.0], output="position", tolerance=1e-6)
+    (boundary,) = found.boundaries
+    assert boundary.value == pytest.approx(3.0, abs=1.1e-6)
+
+
+def drawn_engine(changes: Sequence[float]) -> DelaySystem:
+    """An engine whose parameters differ by up to 60 % from the thesis's."""
+    p, f = LEE_1995, np.exp(changes).tolist()
+    return lee1995(
+        p._replace(
+            throttle=p.throttle._replace(max_flow=p.throttle.max_flow * f[0]),
+            manifold=p.manifold._replace(volume=p.manifold.volume * f[1]),
+            cylinders=p.cylinders._replace(pumping=p.cylinders.pumping * f[2]),
+            delays=p.delays._replace(intake_to_torque=p.delays.intake_to_torque * f[3]),
+            combustion=p.combustion._replace(torque_constant=p.combustion.torque_constant * f[4]),
+            friction=p.friction._replace(constant=p.friction.constant * f[5], viscous=p.friction.viscous * f[6]),
+            rotation=p.rotation._replace(inertia=p.rotation.inertia * f[7]),
+        )
+    )
+
+
+def named(trim: Trim) -> dict[str, float]:
+    return {name: trim.state(name) for name in ("manifold_pressure", "engine_speed")}
 
 
 def test_load_moves_the_map(engine: DelaySystem) -> None:

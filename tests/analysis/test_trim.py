@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from revline.analysis.linearize import linearize
 from revline.analysis.steady_equations import halton
-from revline.analysis.trim import LeftOut, Trim, find_trim
+from revline.analysis.trim import Trim, find_trim, pose
+from revline.analysis.trim_refusals import LeftOut
 from revline.errors import InvalidInputError, NoTrimError
 from revline.system import DelaySystem
 
@@ -291,6 +292,25 @@ def test_trim_serves_linearisation(pendulum: DelaySystem) -> None:
     trim = find_trim(pendulum)
     assert isinstance(trim, Trim)
     assert linearize(pendulum, trim).model.A[1, 0] == pytest.approx(-0.9)
+
+
+@pytest.mark.parametrize(
+    ("held", "free"), [({}, ()), ({"engine_speed": 240.0}, ("throttle",)), ({"friction_torque": 40.0}, ("load_torque",))]
+)
+def test_slopes_of_the_steady_equations(engine: DelaySystem, held: dict[str, float], free: tuple[str, ...]) -> None:
+    """Against differences: one pass with imaginary steps carries the channels along; inputs may differ from point to point."""
+    equations = pose(engine, {}, held, free)
+    random = np.random.default_rng(2)
+    points = np.array([35.0, 240.0, 25.0])[: 2 + len(free)] * random.uniform(0.8, 1.2, (5, 2 + len(free)))
+    known = equations.known * random.uniform(0.9, 1.0, (5, 1))
+    for given_inputs in (None, known):
+        misses, slopes = equations.misses_and_slopes(points, given_inputs)
+        assert misses == pytest.approx(equations.misses(points, given_inputs), rel=1e-12, abs=1e-13)
+        for k, scale in enumerate(equations.scales):
+            step = np.zeros(points.shape[1])
+            step[k] = 1e-6 * scale
+            sides = [equations.misses(points + sign * step, given_inputs) for sign in (1.0, -1.0)]
+            assert slopes[..., k] == pytest.approx((sides[0] - sides[1]) / 2e-6, rel=1e-4, abs=1e-6)
 
 
 def test_halton_points_are_even_and_distinct() -> None:

@@ -18,6 +18,15 @@ def test_singular_system_by_least_squares_beside_a_regular_one() -> None:
     assert solve_each(matrices, np.array([[2.0, 2.0], [2.0, 4.0]])) == pytest.approx(np.ones((2, 2)))
 
 
+def test_a_regular_system_is_solved_alike_beside_a_singular_one() -> None:
+    """By least squares a badly scaled one would lose its small part."""
+    regular = np.array([[1.0, 1.0], [0.0, 1e-17]])
+    alone = solve_each(regular[None], np.array([[3.0, 2e-17]]))
+    beside = solve_each(np.array([regular, np.zeros((2, 2))]), np.array([[3.0, 2e-17], [1.0, 1.0]]))
+    assert beside[0].tolist() == alone[0].tolist() == [1.0, 2.0]
+    assert beside[1].tolist() == [0.0, 0.0]
+
+
 def test_system_without_numbers_gives_none_and_leaves_the_others() -> None:
     matrices = np.array([[[np.nan]], [[2.0]]])
     found = solve_each(matrices, np.array([[1.0], [1.0]]))

@@ -160,7 +160,7 @@ def settle_channels(system: DelaySystem, x: Floats, u: Floats, passes: int = 40)
     readings = np.zeros((*shape, count))
     for _ in range(count):
         readings = evaluate(system, system.emit, x, u, readings)
-        if not _reads_channels(system):
+        if not reads_channels(system):
             return readings
     settled = evaluate(system, system.emit, x, u, readings)
     if np.array_equal(settled, readings, equal_nan=True):
@@ -168,7 +168,8 @@ def settle_channels(system: DelaySystem, x: Floats, u: Floats, passes: int = 40)
     return _settle_loop(system, x, u, readings, passes)
 
 
-def _reads_channels(system: DelaySystem) -> bool:
+def reads_channels(system: DelaySystem) -> bool:
+    """Tell whether what enters a channel depends on what is read from one."""
     return any(source.startswith("zd") for sources in system.structure.emit for source in sources)
 
 

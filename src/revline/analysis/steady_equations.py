@@ -1,12 +1,14 @@
 """The equations that hold at rest, and Newton on them from many starts at once."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from revline.analysis.jacobians import differentiate, evaluate, settle_channels
+from revline.analysis.jacobians import COMPLEX_STEP, Matrix, differentiate, reads_channels, settle_channels
 from revline.analysis.linearize import DRIFT_LIMIT, rate_unit, search_scale
 from revline.equations import Equation
 from revline.errors import InvalidInputError
@@ -23,6 +25,17 @@ SAME = 1e-6
 SINGULAR = 1e-12
 """A smallest singular value below this fraction of the largest: the solution is not isolated."""
 
+FRACTIONS = (1.0, 0.5, 0.25, 0.0625, 0.015625)
+"""Parts of Newton's step; the first that brings the misses down is taken."""
+
+FEW = 16
+"""So many points cost as little as one: all parts of their steps are tried at once."""
+
+DECREASE = 1e-4
+"""A step counts when it takes this part of itself off the misses."""
+
+Vector = tuple[Any, ...]
+
 PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53)
 
 
@@ -37,7 +50,7 @@ class Target:
     scale: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class SteadyEquations:
     """Rates that vanish and targets that are met, in the unknown states and free inputs; all scaled by search ranges.
 
@@ -53,17 +66,17 @@ class SteadyEquations:
     free: tuple[int, ...]
     targets: tuple[Target, ...]
 
-    @property
+    @cached_property
     def unknowns(self) -> tuple[Variable, ...]:
         """States, then free inputs."""
         return (*self.system.states, *(self.system.inputs[k] for k in self.free))
 
-    @property
+    @cached_property
     def scales(self) -> Floats:
         """Search ranges of the unknowns."""
         return np.array([search_scale(variable) for variable in self.unknowns])
 
-    @property
+    @cached_property
     def limits(self) -> tuple[Floats, Floats]:
         """Where the unknowns mean anything: their ranges, and where these have no end one search range more."""
         lows, highs = [], []
@@ -73,32 +86,72 @@ class SteadyEquations:
             highs.append(variable.high if math.isfinite(variable.high) else variable.search_high + room)
         return np.array(lows), np.array(highs)
 
-    def split(self, unknowns: Floats) -> tuple[Floats, Floats]:
-        """Give states and all inputs; unknowns along the last axis."""
+    def split(self, unknowns: Floats, known: Floats | None = None) -> tuple[Floats, Floats]:
+        """Give states and all inputs; unknowns along the last axis, and known inputs for each point where they differ."""
         count = len(self.system.states)
-        inputs = np.broadcast_to(self.known, (*unknowns.shape[:-1], self.known.size)).copy()
+        given = self.known if known is None else known
+        inputs = np.broadcast_to(given, (*unknowns.shape[:-1], given.shape[-1])).copy()
         inputs[..., list(self.free)] = unknowns[..., count:]
         return unknowns[..., :count].copy(), inputs
 
-    def channels(self, unknowns: Floats) -> Floats:
+    def channels(self, unknowns: Floats, known: Floats | None = None) -> Floats:
         """What the channels carry at rest."""
-        return settle_channels(self.system, *self.split(unknowns))
+        return settle_channels(self.system, *self.split(unknowns, known))
 
-    def misses(self, unknowns: Floats) -> Floats:
+    @cached_property
+    def sizes(self) -> Floats:
+        """What misses are related to: search ranges of the states, then of the targets."""
+        return np.array([*self.scales[: len(self.system.states)], *(target.scale for target in self.targets)])
+
+    def misses(self, unknowns: Floats, known: Floats | None = None) -> Floats:
         """Scaled rates, then scaled misses of the targets; unknowns along the last axis."""
-        x, u = self.split(unknowns)
+        x, u = self.split(unknowns, known)
         zd = settle_channels(self.system, x, u)
-        count = len(self.system.states)
-        rates = evaluate(self.system, self.system.rate, x, u, zd) / self.scales[:count]
-        if not self.targets:
-            return rates
-        outputs = evaluate(self.system, self.system.output, x, u, zd)
-        held = [((x if t.is_state else outputs)[..., t.index] - t.value) / t.scale for t in self.targets]
-        return np.concatenate((rates, np.stack(held, axis=-1)), axis=-1)
+        with np.errstate(all="ignore"):
+            return self._missed(_parts(x), _parts(u), _parts(zd), np.empty((*unknowns.shape[:-1], self.sizes.size)))
 
-    def slopes(self, unknowns: Floats) -> Floats:
-        """Derivatives of `misses` with respect to scaled unknowns, channels following."""
-        x, u = self.split(unknowns)
+    def _missed(self, x: Vector, u: Vector, zd: Vector, missed: Matrix) -> Matrix:
+        """Fill in the misses, real or complex."""
+        system = self.system
+        results = list(system.rate(system.parameters, x, u, zd))
+        outputs = system.output(system.parameters, x, u, zd) if any(not t.is_state for t in self.targets) else ()
+        results += [(x if t.is_state else outputs)[t.index] - t.value for t in self.targets]
+        for k, result in enumerate(results):
+            missed[..., k] = result
+        missed /= self.sizes
+        return missed
+
+    def misses_and_slopes(self, unknowns: Floats, known: Floats | None = None) -> tuple[Floats, Floats]:
+        """Give `misses`, and their derivatives with respect to scaled unknowns, channels following.
+
+        Args:
+            unknowns: of shape (points, unknowns).
+            known: inputs of each point, where they differ.
+
+        Returns:
+            Of shapes (points, equations) and (points, equations, unknowns).
+        """
+        if reads_channels(self.system) or not self.unknowns:
+            return self.misses(unknowns, known), self._slopes_of_loops(unknowns, known)
+        # Every unknown takes an imaginary step in turn, and the channels carry it on: one pass through each equation gives all.
+        system, count = self.system, len(self.system.states)
+        moved = unknowns + self._imaginary_steps
+        u = list(self.known if known is None else known.T)
+        for position, k in enumerate(self.free, start=count):
+            u[k] = moved[..., position]
+        x, inputs = _parts(moved[..., :count]), tuple(u)
+        with np.errstate(all="ignore"):
+            zd = tuple(system.emit(system.parameters, x, inputs, (np.float64(0.0),) * len(system.channels)))
+            values = self._missed(x, inputs, zd, np.empty((*moved.shape[:-1], self.sizes.size), dtype=complex))
+        return values[0].real.copy(), np.moveaxis(values.imag, 0, -1) / COMPLEX_STEP
+
+    @cached_property
+    def _imaginary_steps(self) -> Matrix:
+        return np.asarray(1j * COMPLEX_STEP * np.diag(self.scales)[:, None, :])
+
+    def _slopes_of_loops(self, unknowns: Floats, known: Floats | None) -> Floats:
+        """The derivatives where channels read channels."""
+        x, u = self.split(unknowns, known)
         zd = settle_channels(self.system, x, u)
         free, count = list(self.free), len(self.system.states)
 
@@ -202,50 +255,96 @@ def solve_steady(equations: SteadyEquations, starts: Floats) -> Search:
     Source:
         Newton with backtracking: Dennis and Schnabel (1983), Numerical Methods for Unconstrained Optimization, section 6.3.
     """
-    points = _newton(equations, starts)
-    misses = np.max(np.abs(np.nan_to_num(equations.misses(points), nan=np.inf)), axis=-1, initial=0.0)
-    closest = points[int(np.argmin(misses))]
-    solved = points[misses <= DRIFT_LIMIT]
-    if not len(solved):
-        return Search(solutions=solved, closest=closest, isolated=True)
-    spread = np.linalg.svd(equations.slopes(solved), compute_uv=False)
-    isolated = np.min(spread, axis=-1, initial=np.inf) > SINGULAR * np.max(spread, axis=-1, initial=0.0)
-    return Search(solutions=_distinct(solved[isolated], equations.scales), closest=closest, isolated=bool(np.all(isolated)))
+    (search,) = solve_steady_each(equations, equations.known[None], (starts,))
+    return search
 
 
-def _newton(equations: SteadyEquations, starts: Floats) -> Floats:
+def solve_steady_each(equations: SteadyEquations, known: Floats, starts: Sequence[Floats]) -> tuple[Search, ...]:
+    """Solve the same equations at many known inputs as `solve_steady` does at one, all at once.
+
+    Args:
+        equations: what holds at rest; its own known inputs are not used.
+        known: all inputs, one row for each search.
+        starts: of each search, one in each row; at least one.
+
+    Returns:
+        For each row of inputs all distinct solutions reached.
+    """
+    ends = np.cumsum([len(rows) for rows in starts])
+    owners = np.repeat(np.arange(len(starts)), np.diff(ends, prepend=0))
+    begun, given = np.concatenate(starts), known[owners] if len(known) > 1 else None
+    equations = replace(equations, known=known[0])
+    points = _newton(equations, begun, given)
+    missed = np.nan_to_num(equations.misses(points, given), nan=np.inf)
+    misses = np.max(np.abs(missed), axis=-1, initial=0.0)
+    solved = misses <= DRIFT_LIMIT
+    isolated = solved.copy()
+    if np.any(solved):
+        spread = np.linalg.svd(equations.misses_and_slopes(points[solved], None if given is None else given[solved])[1], compute_uv=False)
+        isolated[solved] = np.min(spread, axis=-1, initial=np.inf) > SINGULAR * np.max(spread, axis=-1, initial=0.0)
+    found = []
+    for first, last in zip((0, *ends[:-1]), ends, strict=True):
+        own, kept = points[first:last], isolated[first:last]
+        solutions = _distinct(own[kept], equations.scales)
+        whole = bool(np.array_equal(kept, solved[first:last]))
+        found.append(Search(solutions=solutions, closest=own[int(np.argmin(misses[first:last]))], isolated=whole))
+    return tuple(found)
+
+
+def _newton(equations: SteadyEquations, starts: Floats, known: Floats | None) -> Floats:
+    """Newton from each start; `known` holds the inputs of each, where they differ."""
     points, scales = starts.copy(), equations.scales
     low, high = equations.limits
-    active, found = np.arange(len(points)), equations.misses(points)
-    fractions = np.array([1.0, 0.5, 0.25, 0.0625, 0.015625])
+    active = np.arange(len(points) if scales.size else 0)
+    found, slopes = equations.misses_and_slopes(points, known)
+    sizes = _size(found)
     for _ in range(MOST_STEPS):
-        here, misses = points[active], found[active]
-        steps = solve_each(equations.slopes(here), -misses) * scales
-        trials = np.clip(here[:, None, :] + fractions[:, None] * steps[:, None, :], low, high)
-        missed = equations.misses(trials)
-        sizes = _size(missed)
-        before = _size(misses)
-        better = sizes < (1.0 - 1e-4 * fractions) * before[:, None]
-        chosen = np.argmax(better, axis=1)
-        rows = np.arange(active.size)
-        moves = better[rows, chosen]
-        points[active[moves]], found[active[moves]] = trials[rows, chosen][moves], missed[rows, chosen][moves]
-        active = active[moves & (sizes[rows, chosen] > ROUNDING)]
         if not active.size:
             break
+        steps = solve_each(slopes[active], -found[active]) * scales
+        gone = []
+        # Few points are tried with all parts of their steps at once, many first with the whole step.
+        for fractions in (FRACTIONS,) if active.size <= FEW else (FRACTIONS[:1], FRACTIONS[1:]):
+            parts = np.array(fractions)[:, None]
+            trials = np.minimum(np.maximum(points[active] + parts[..., None] * steps, low), high).reshape(-1, scales.size)
+            inputs = None if known is None else known[np.broadcast_to(active, (len(parts), active.size)).ravel()]
+            missed, sloped = equations.misses_and_slopes(trials, inputs)
+            tried = _size(missed)
+            better = tried.reshape(len(parts), -1) < (1.0 - DECREASE * parts) * sizes[active]
+            chosen, columns = np.argmax(better, axis=0), np.arange(active.size)
+            moves = better[chosen, columns]
+            flat, rows = (chosen * active.size + columns)[moves], active[moves]
+            points[rows], found[rows], slopes[rows], sizes[rows] = trials[flat], missed[flat], sloped[flat], tried[flat]
+            gone.append(rows)
+            active, steps = active[~moves], steps[~moves]
+            if not active.size:
+                break
+        active = np.concatenate(gone)
+        active = active[sizes[active] > ROUNDING]
     return points
+
+
+def _parts(values: Matrix) -> Vector:
+    """One array for each entry of the last axis."""
+    return tuple(values[..., k] for k in range(values.shape[-1]))
 
 
 def _size(misses: Floats) -> Floats:
     """Euclidean size; infinite where an equation has no value."""
-    return np.linalg.norm(np.nan_to_num(misses, nan=np.inf, posinf=np.inf, neginf=np.inf), axis=-1)
+    squares = np.sum(misses * misses, axis=-1)
+    return np.sqrt(np.where(np.isfinite(squares), squares, np.inf))
+
+
+def merge_solutions(known: Floats, found: Floats, scales: Floats) -> Floats:
+    """Add to known solutions, one in each row, those found that are not among them."""
+    return _distinct(np.concatenate((known, found)), scales)
 
 
 def _distinct(solutions: Floats, scales: Floats) -> Floats:
     kept: list[Floats] = []
-    for solution in solutions:
-        if all(np.max(np.abs(solution - other) / scales, initial=0.0) > SAME for other in kept):
-            kept.append(solution)
+    while len(solutions):
+        kept.append(solutions[0])
+        solutions = solutions[np.max(np.abs(solutions - solutions[0]) / scales, axis=-1, initial=0.0) > SAME]
     return np.array(kept).reshape(len(kept), scales.size)
 
 

@@ -1,17 +1,22 @@
 """Steady states over a range of one input, with stability, and where they end."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from revline.analysis.trim import Trim, find_trim
+from revline.analysis.steady_equations import SteadyEquations
+from revline.analysis.trim import Rests, Trim
+from revline.analysis.trim_branches import find_rests_along, follow_each
 from revline.errors import InvalidInputError, NoTrimError, out_of_range
 from revline.system import DelaySystem, Floats, Variable, check_range, index_of
 from revline.values import make_read_only
 
 BISECTIONS = 60
+PARTS = 16
+"""Parts into which a range that holds an end of the steady states is cut each time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,15 +157,12 @@ def find_steady_map(
     if sweep_input in others:
         message = f"{sweep_input} is both swept and given as {others[sweep_input]:g}; leave one out"
         raise InvalidInputError(message, name=sweep_input)
-    results: list[Trim | Missing] = []
-    near: dict[str, float] = {}
-    for value in grid:
-        result = _try_value(system, {**others, sweep_input: float(value)}, sweep_input, near)
-        near = _named_states(result) if isinstance(result, Trim) else near
-        results.append(result)
+    rests = find_rests_along(system, [{**others, sweep_input: float(value)} for value in grid])
+    results = _chosen(grid, rests)
     if not any(isinstance(result, Trim) for result in results):
         message = f"no steady state at any {sweep_input} of {grid[0]:g} to {grid[-1]:g} {sweep.unit}; the first: {_reason(results)}"
         raise NoTrimError(message, low=float(grid[0]), high=float(grid[-1]))
+    places = [_Place(float(value), result, rest) for value, result, rest in zip(grid, results, rests, strict=True)]
     return SteadyMap(
         system=system.name,
         sweep=sweep,
@@ -168,7 +170,7 @@ def find_steady_map(
         values=np.array([value for value, result in zip(grid, results, strict=True) if isinstance(result, Trim)]),
         trims=tuple(result for result in results if isinstance(result, Trim)),
         missing=tuple(result for result in results if isinstance(result, Missing)),
-        boundaries=tuple(_find_boundaries(system, others, sweep_input, (grid, results), tolerance)),
+        boundaries=tuple(_find_boundaries(places, sweep_input, tolerance)),
     )
 
 
@@ -185,11 +187,28 @@ def _checked_values(sweep: Variable, values: ArrayLike) -> Floats:
     return grid
 
 
-def _try_value(system: DelaySystem, inputs: Mapping[str, float], sweep_input: str, near: Mapping[str, float]) -> Trim | Missing:
-    try:
-        return find_trim(system, inputs=inputs, near=near)
-    except NoTrimError as error:
-        return Missing(value=inputs[sweep_input], reason=str(error))
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """What is known at one value of the swept input."""
+
+    value: float
+    result: Trim | Missing
+    rests: Rests
+
+
+def _chosen(values: Sequence[float] | Floats, rests: Sequence[Rests], near: Mapping[str, float] | None = None) -> list[Trim | Missing]:
+    """Choose at each value the trim nearest to the one before."""
+    results: list[Trim | Missing] = []
+    last = dict(near or {})
+    for value, rest in zip(values, rests, strict=True):
+        try:
+            trim = rest.choose(last)
+        except NoTrimError as error:
+            results.append(Missing(value=float(value), reason=str(error)))
+        else:
+            last = _named_states(trim)
+            results.append(trim)
+    return results
 
 
 def _reason(results: list[Trim | Missing]) -> str:
@@ -200,30 +219,58 @@ def _named_states(trim: Trim) -> dict[str, float]:
     return {variable.name: float(value) for variable, value in zip(trim.state_variables, trim.states, strict=True)}
 
 
-def _find_boundaries(
-    system: DelaySystem, inputs: Mapping[str, float], sweep_input: str, found: tuple[Floats, list[Trim | Missing]], tolerance: float
-) -> list[Boundary]:
-    """Bisect between each pair of neighbours of which one has a steady state and the other none."""
-    grid, results = found
+def _find_boundaries(places: Sequence[_Place], sweep_input: str, tolerance: float) -> list[Boundary]:
+    """Enclose an end between each pair of neighbours of which one has a steady state and the other none."""
     boundaries = []
-    for k in range(grid.size - 1):
-        pair = results[k], results[k + 1]
-        for (trim, missing), value in zip((pair, pair[::-1]), (grid[k], grid[k + 1]), strict=True):
-            if isinstance(trim, Trim) and isinstance(missing, Missing):
-                start = Boundary(value=float(value), trim=trim, without=missing)
-                boundaries.append(_bisect(system, inputs, sweep_input, start, tolerance))
+    for pair in itertools.pairwise(places):
+        for inside, outside in (pair, pair[::-1]):
+            if isinstance(inside.result, Trim) and isinstance(outside.result, Missing):
+                start = Boundary(value=inside.value, trim=inside.result, without=outside.result)
+                known = np.concatenate([place.rests.search.solutions for place in (inside, outside)])
+                boundaries.append(_enclose(inside.rests.equations, start, known, (sweep_input, tolerance)))
     return boundaries
 
 
-def _bisect(system: DelaySystem, inputs: Mapping[str, float], sweep_input: str, start: Boundary, tolerance: float) -> Boundary:
-    boundary = start
+def _enclose(equations: SteadyEquations, start: Boundary, known: Floats, asked: tuple[str, float]) -> Boundary:
+    """Find where steady states end: first by following those known, then by a full search on both sides of where that leads.
+
+    What the full search says counts; where it contradicts, the rest is bisected with full searches.
+    """
+    system, (sweep_input, tolerance), boundary = equations.system, asked, start
+    others = {variable.name: float(value) for variable, value in zip(system.inputs, equations.known, strict=True)}
+
+    def narrowed(boundary: Boundary, values: Sequence[float]) -> Boundary:
+        rests = find_rests_along(system, [{**others, sweep_input: value} for value in values])
+        for value, rest in zip(values, rests, strict=True):
+            if not min(boundary.value, boundary.without.value) < value < max(boundary.value, boundary.without.value):
+                continue
+            (result,) = _chosen([value], [rest], _named_states(boundary.trim))
+            boundary = replace(boundary, value=value, trim=result) if isinstance(result, Trim) else replace(boundary, without=result)
+        return boundary
+
+    values = _follow_to_the_end(system, (boundary.value, boundary.without.value), known, (others, *asked))
+    boundary = narrowed(boundary, values)
     for _ in range(BISECTIONS):
         if abs(boundary.value - boundary.without.value) <= tolerance:
             break
-        middle = 0.5 * (boundary.value + boundary.without.value)
-        result = _try_value(system, {**inputs, sweep_input: middle}, sweep_input, _named_states(boundary.trim))
-        if isinstance(result, Trim):
-            boundary = Boundary(value=middle, trim=result, without=boundary.without)
-        else:
-            boundary = Boundary(value=boundary.value, trim=boundary.trim, without=result)
+        boundary = narrowed(boundary, [0.5 * (boundary.value + boundary.without.value)])
     return boundary
+
+
+def _follow_to_the_end(
+    system: DelaySystem, ends: tuple[float, float], known: Floats, asked: tuple[Mapping[str, float], str, float]
+) -> tuple[float, float]:
+    """Two values between which the steady states known leave the search range or end, as near as asked for."""
+    inside, outside = ends
+    others, sweep_input, tolerance = asked
+    for _ in range(BISECTIONS):
+        if abs(inside - outside) <= tolerance:
+            break
+        values = np.linspace(inside, outside, PARTS + 1)
+        reached = follow_each(system, [{**others, sweep_input: float(value)} for value in values[1:-1]], known)
+        first = next((k for k, (found, _) in enumerate(reached) if not found), PARTS - 1)
+        inside, outside = float(values[first]), float(values[first + 1])
+        known = np.concatenate([known[:0], *(solutions for _, solutions in reached[max(first - 1, 0) : first + 1])])
+        if not len(known):
+            break
+    return inside, outside

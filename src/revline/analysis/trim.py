@@ -8,49 +8,19 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from revline.analysis.jacobians import evaluate, find_jacobians
+from revline.analysis.jacobians import evaluate, find_jacobians, settle_channels
 from revline.analysis.linearize import DRIFT_LIMIT, build_model, rate_unit, search_scale
-from revline.analysis.steady_equations import SteadyEquations, Target, solve_steady
-from revline.errors import InvalidInputError, NoTrimError, RevlineError
-from revline.lti.roots import RightmostRoots, characteristic_roots
+from revline.analysis.steady_equations import Search, SteadyEquations, Target, solve_steady
+from revline.analysis.trim_refusals import LeftOut, find_outside, no_trim
+from revline.errors import InvalidInputError, RevlineError
+from revline.lti.root_batches import characteristic_roots_each
+from revline.lti.roots import RightmostRoots
+from revline.lti.state_space import DelayStateSpace
 from revline.system import DelaySystem, Floats, Variable, check_range, index_of
 from revline.values import make_read_only
 
-MOST_NAMED = 3
-"""Steady states outside the search range that a message names; it counts the others."""
-
 LONGEST_JUDGED = 10.0
 """A steady state outside the search range with a longer lag, in s, is not judged for stability: no machine runs there."""
-
-SWEEP, SWEEP_STARTS = 31, 8
-"""Values of a free input, and starts at each, to tell how near a target can be reached."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LeftOut:
-    """A steady state of the equations that lies outside a state's search range.
-
-    Attributes:
-        quantity, value, unit: the state that lies outside.
-        limit: the end of its search range that it passes.
-        longest_lag: of all channels there, in s; 0 without channels.
-        stability: in words; empty where it was not found.
-    """
-
-    quantity: str
-    value: float
-    unit: str
-    limit: float
-    longest_lag: float
-    stability: str = ""
-
-    def __str__(self) -> str:
-        """Name the steady state, for a warning."""
-        side = "below" if self.value < self.limit else "above"
-        lag = f", with a lag of {self.longest_lag:.3g} s" if self.longest_lag > 0.0 else ""
-        stability = f", {self.stability}" if self.stability else ""
-        where = f"{self.quantity} = {self.value:.4g} {self.unit}{lag}{stability}"
-        return f"left out: a steady state at {where}, {side} the search limit {self.limit:g} {self.unit}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -163,19 +133,67 @@ def find_trim(
         240.799
     """
     equations = pose(system, inputs or {}, outputs or {}, tuple(free))
-    beginnings = equations.starts(starts, _named_states(system, near or {}))
-    search = solve_steady(equations, beginnings)
-    candidates, left_out = [], []
-    for unknowns in search.solutions:
-        outside = _outside(equations, unknowns)
-        if outside:
-            left_out.append(_judged(equations, unknowns, outside))
-        else:
-            candidates.append(_build(equations, unknowns))
-    if not candidates:
-        raise _no_trim(equations, search.closest, search.isolated, left_out)
-    ordered = _by_preference(system, candidates, near or {})
-    return replace(ordered[0], alternatives=tuple(ordered[1:]), left_out=tuple(left_out))
+    search = solve_steady(equations, equations.starts(starts, named_states(system, near or {})))
+    (found,) = judge_each((equations,), (search,))
+    return found.choose(near or {})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Rests:
+    """All that one search met.
+
+    Attributes:
+        equations: what was solved.
+        search: the solutions.
+        candidates: trims inside the search range.
+        left_out: steady states outside it.
+    """
+
+    equations: SteadyEquations
+    search: Search
+    candidates: tuple[Trim, ...]
+    left_out: tuple[LeftOut, ...]
+
+    def choose(self, near: Mapping[str, float]) -> Trim:
+        """Choose one of the trims, the nearest to some states where they are named; see `find_trim`.
+
+        Raises:
+            NoTrimError: there is none.
+        """
+        if not self.candidates:
+            raise no_trim(self.equations, self.search, self.left_out)
+        ordered = _by_preference(self.equations.system, self.candidates, near)
+        return replace(ordered[0], alternatives=tuple(ordered[1:]), left_out=self.left_out)
+
+
+def judge_each(equations: Sequence[SteadyEquations], searches: Sequence[Search]) -> tuple[Rests, ...]:
+    """Make trims of what searches found inside the search range, and say what lies outside; all at once.
+
+    Args:
+        equations: of each search; all of one system.
+        searches: from `solve_steady_each`.
+
+    Raises:
+        InvalidInputError: an equation has no finite derivative at a steady state, or a lag is not positive.
+        NotConvergedError: the stability of a trim could not be decided.
+    """
+    places = [(k, unknowns) for k, search in enumerate(searches) for unknowns in search.solutions]
+    outside = [find_outside(equations[k], unknowns) for k, unknowns in places]
+    wanted = [j for j, entry in enumerate(outside) if not (isinstance(entry, LeftOut) and entry.longest_lag > LONGEST_JUDGED)]
+    built = dict(zip(wanted, _build_each([(equations[places[j][0]], places[j][1]) for j in wanted]), strict=True))
+    found: list[tuple[list[Trim], list[LeftOut]]] = [([], []) for _ in searches]
+    for j, (k, _) in enumerate(places):
+        entry, trim = outside[j], built.get(j)
+        if isinstance(entry, LeftOut):
+            found[k][1].append(_judged(entry, trim) if isinstance(trim, Trim) else entry)
+        elif isinstance(trim, Trim):
+            found[k][0].append(trim)
+        elif trim is not None:
+            raise trim
+    return tuple(
+        Rests(equations=posed, search=search, candidates=tuple(candidates), left_out=tuple(left_out))
+        for posed, search, (candidates, left_out) in zip(equations, searches, found, strict=True)
+    )
 
 
 def pose(system: DelaySystem, inputs: Mapping[str, float], outputs: Mapping[str, float], free: tuple[str, ...]) -> SteadyEquations:
@@ -210,62 +228,66 @@ def _target(system: DelaySystem, name: str, value: float) -> Target:
     return Target(variable=variable, index=index, is_state=is_state, value=value, scale=max(search_scale(ranged), 1e-3 * abs(value)))
 
 
-def _named_states(system: DelaySystem, near: Mapping[str, float]) -> dict[int, float]:
+def named_states(system: DelaySystem, near: Mapping[str, float]) -> dict[int, float]:
+    """Give values of states by their position."""
     return {index_of(system.states, name): value for name, value in near.items()}
 
 
-def _outside(equations: SteadyEquations, unknowns: Floats) -> LeftOut | tuple[()]:
-    """The state that lies outside its search range, or nothing."""
-    system = equations.system
-    x, u = equations.split(unknowns)
-    for variable, value in zip(system.states, x, strict=True):
-        slack = 1e-12 * search_scale(variable)
-        if not variable.search_low - slack <= value <= variable.search_high + slack:
-            lags = evaluate(system, system.lags, x, u, equations.channels(unknowns))
-            return LeftOut(
-                quantity=variable.name,
-                value=float(value),
-                unit=variable.unit,
-                limit=variable.search_low if value < variable.search_low else variable.search_high,
-                longest_lag=float(np.max(lags, initial=0.0)),
-            )
-    return ()
-
-
-def _judged(equations: SteadyEquations, unknowns: Floats, entry: LeftOut) -> LeftOut:
-    """Say whether a steady state outside the search range is stable, where that can be told without long work."""
-    if entry.longest_lag > LONGEST_JUDGED:
-        return entry
-    try:
-        count = _build(equations, unknowns).unstable_count
-    except RevlineError:
-        return entry
+def _judged(entry: LeftOut, trim: Trim) -> LeftOut:
+    """Say whether a steady state outside the search range is stable."""
+    count = trim.unstable_count
     return replace(entry, stability=f"unstable ({count} roots right of the imaginary axis)" if count else "stable")
 
 
-def _build(equations: SteadyEquations, unknowns: Floats) -> Trim:
-    system = equations.system
-    x, u = equations.split(unknowns)
-    zd = equations.channels(unknowns)
+def _build_each(places: Sequence[tuple[SteadyEquations, Floats]]) -> list[Trim | RevlineError]:
+    """Make a trim of each solution, or the error why it is none."""
+    if not places:
+        return []
+    system = places[0][0].system
+    split = [equations.split(unknowns) for equations, unknowns in places]
+    x, u = (np.array([pair[k] for pair in split]) for k in range(2))
+    zd = settle_channels(system, x, u)
     lags = evaluate(system, system.lags, x, u, zd)
-    return Trim(
-        system=system.name,
-        state_variables=system.states,
-        input_variables=system.inputs,
-        channel_variables=system.channels,
-        output_variables=system.outputs,
-        states=x,
-        inputs=u,
-        channels=zd,
-        outputs=evaluate(system, system.output, x, u, zd),
-        lags=lags,
-        drift=evaluate(system, system.rate, x, u, zd),
-        roots=characteristic_roots(build_model(system, find_jacobians(system, x, u, zd), lags)),
-    )
+    outputs, drift = evaluate(system, system.output, x, u, zd), evaluate(system, system.rate, x, u, zd)
+    jacobians = find_jacobians(system, x, u, zd)
+    built: list[Trim | RevlineError | DelayStateSpace] = []
+    for k in range(len(x)):
+        try:
+            built.append(build_model(system, jacobians.at(k), lags[k]))
+        except RevlineError as error:
+            built.append(error)
+    roots = iter(characteristic_roots_each([entry for entry in built if isinstance(entry, DelayStateSpace)]))
+    return [
+        entry if isinstance(entry, RevlineError) else _trim(system, (x[k], u[k], zd[k], outputs[k], lags[k], drift[k]), next(roots))
+        for k, entry in enumerate(built)
+    ]
 
 
-def _by_preference(system: DelaySystem, trims: list[Trim], near: Mapping[str, float]) -> list[Trim]:
-    wanted = _named_states(system, near)
+def _trim(system: DelaySystem, values: tuple[Floats, ...], roots: RightmostRoots | RevlineError) -> Trim | RevlineError:
+    if isinstance(roots, RevlineError):
+        return roots
+    states, inputs, channels, outputs, lags, drift = values
+    try:
+        return Trim(
+            system=system.name,
+            state_variables=system.states,
+            input_variables=system.inputs,
+            channel_variables=system.channels,
+            output_variables=system.outputs,
+            states=states,
+            inputs=inputs,
+            channels=channels,
+            outputs=outputs,
+            lags=lags,
+            drift=drift,
+            roots=roots,
+        )
+    except RevlineError as error:
+        return error
+
+
+def _by_preference(system: DelaySystem, trims: Sequence[Trim], near: Mapping[str, float]) -> list[Trim]:
+    wanted = named_states(system, near)
     scales = [search_scale(v) for v in system.states]
 
     def rank(trim: Trim) -> tuple[float, float, float]:
@@ -273,44 +295,3 @@ def _by_preference(system: DelaySystem, trims: list[Trim], near: Mapping[str, fl
         return distance, trim.unstable_count, -float(trim.outputs[0]) if trim.outputs.size else 0.0
 
     return sorted(trims, key=rank)
-
-
-def _no_trim(equations: SteadyEquations, closest: Floats, isolated: bool, left_out: list[LeftOut]) -> NoTrimError:  # noqa: FBT001 - a fact, not a mode
-    request = equations.describe()
-    if left_out:
-        # At a standstill any free input will do, which gives one and the same state many times.
-        distinct = list({(entry.quantity, round(entry.value, 6)): entry for entry in left_out}.values())
-        more = (f"and {len(distinct) - MOST_NAMED} more",) if len(distinct) > MOST_NAMED else ()
-        found = "; ".join((*(str(entry) for entry in distinct[:MOST_NAMED]), *more))
-        return NoTrimError(f"no trim at {request} inside the search range ({found}); change the inputs", request=request)
-    if not isolated:
-        message = f"no trim at {request}: steady states are not isolated, a state is free to rest anywhere; hold it with `outputs`"
-        return NoTrimError(message, request=request)
-    drift, limit, text = equations.worst(closest)
-    near = _nearest_reached(equations)
-    words = f"; the nearest steady state met has {near[1]}" if near else ""
-    message = f"no trim at {request}: {text}{words}. The point may lie outside the operating range; see find_steady_map() or revline map"
-    return NoTrimError(message, request=request, drift=drift, limit=limit, **({"nearest": near[0]} if near else {}))
-
-
-def _nearest_reached(equations: SteadyEquations) -> tuple[float, str] | tuple[()]:
-    """Sweep the only free input over its range: what the only target comes nearest to at rest, and in words where."""
-    system = equations.system
-    swept = [system.inputs[k] for k in equations.free]
-    if len(swept) != 1 or not np.all(np.isfinite((swept[0].low, swept[0].high))):
-        return ()
-    (target,), reached = equations.targets, []
-    for value in np.linspace(swept[0].low, swept[0].high, SWEEP):
-        known = equations.known.copy()
-        known[equations.free[0]] = value
-        posed = SteadyEquations(system=system, known=known, free=(), targets=())
-        for unknowns in solve_steady(posed, posed.starts(SWEEP_STARTS, {})).solutions:
-            if not _outside(posed, unknowns):
-                x, u = posed.split(unknowns)
-                shown = x if target.is_state else evaluate(system, system.output, x, u, posed.channels(unknowns))
-                reached.append((abs(float(shown[target.index]) - target.value), float(shown[target.index]), float(value)))
-    if not reached:
-        return ()
-    _, nearest, value = min(reached)
-    unit = target.variable.unit
-    return nearest, f"{target.variable.name} = {nearest:.6g} {unit}, at {swept[0].name} = {value:.4g} {swept[0].unit}"

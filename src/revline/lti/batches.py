@@ -17,15 +17,28 @@ def solve_each(matrices: NDArray[Any], right: NDArray[Any]) -> NDArray[Any]:
         Solutions in the shape of `right`.
     """
     columns = right if right.ndim == matrices.ndim else right[..., None]
-    size = matrices.shape[-1]
-    finite = np.all(np.isfinite(matrices), axis=(-2, -1))
-    usable = np.where(finite[..., None, None], matrices, np.eye(size))
+    finite = np.isfinite(matrices).all(axis=(-2, -1))
+    whole = bool(finite.all())
+    usable = matrices if whole else np.where(finite[..., None, None], matrices, np.eye(matrices.shape[-1]))
     try:
         solutions = np.linalg.solve(usable, columns)
     except np.linalg.LinAlgError:
-        solutions = np.linalg.pinv(usable) @ columns
-    solutions = np.where(finite[..., None, None], solutions, np.nan)
+        solutions = _solve_some_singular(usable, columns)
+    if not whole:
+        solutions = np.where(finite[..., None, None], solutions, np.nan)
     return solutions if right.ndim == matrices.ndim else solutions[..., 0]
+
+
+def _solve_some_singular(matrices: NDArray[Any], columns: NDArray[Any]) -> NDArray[Any]:
+    """Solve by least squares what is singular to the last bit, and the others as they are."""
+    shape = np.broadcast_shapes(matrices.shape[:-2], columns.shape[:-2])
+    matrices = np.broadcast_to(matrices, (*shape, *matrices.shape[-2:]))
+    columns = np.broadcast_to(columns, (*shape, *columns.shape[-2:]))
+    singular = np.linalg.slogdet(matrices)[0] == 0.0
+    solutions = np.empty(columns.shape, dtype=np.result_type(matrices, columns))
+    solutions[singular] = np.linalg.pinv(matrices[singular]) @ columns[singular]
+    solutions[~singular] = np.linalg.solve(matrices[~singular], columns[~singular])
+    return solutions
 
 
 def invert_each(matrices: NDArray[Any]) -> NDArray[Any]:

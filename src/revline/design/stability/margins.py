@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from revline.design.stability.axis_grid import follow, highest_of_each, roots_of_each
+from revline.design.stability.axis_grid import find_features, follow
 from revline.design.stability.open_loop import OpenLoop
 from revline.errors import InvalidInputError, out_of_range
 
@@ -157,11 +157,9 @@ def find_margins(loop: OpenLoop, *, low: float = 1e-3) -> Margins:
     grid, followed = follow(lambda w: _values(loop, w)[None], start, delay=loop.delay, name=f"the loop {loop.name}")
     values = followed[0]
     crossings: tuple[Callable[[Complexes], Floats], ...] = (_above_one, phase_sine)
-    unity, turns = roots_of_each(lambda w: _values(loop, w), crossings, grid, [function(values) for function in crossings])
-    sizes = [measure(values) for measure in MEASURES]
-    peaks = [
-        Peak(value=value, frequency=frequency) for value, frequency in highest_of_each(lambda w: _values(loop, w), MEASURES, grid, sizes)
-    ]
+    sizes = [function(values) for function in (*crossings, *MEASURES)]
+    found = find_features(lambda w: _values(loop, w), crossings, MEASURES, grid, sizes)
+    (unity, turns), peaks = found.roots, [Peak(value=value, frequency=frequency) for value, frequency in found.peaks]
     return Margins(
         loop=loop.name,
         stable=loop.stable,

@@ -23,7 +23,7 @@ from revline.errors import InvalidInputError, NotSettledError, RevlineError, Sim
 from revline.io.cycle_records import orbit_record, run_record, unrefined_record
 from revline.io.loop_records import loop_record
 from revline.studies.steps import LAG_SHARE, in_short_steps, throttle_run
-from revline.web.plants import MODELS, Place, Point, find_point, fit_model, gains_of, limits_of, place_of
+from revline.web.plants import MODELS, Place, Point, check_amplitude, find_point, fit_model, gains_of, limits_of, place_of
 from revline.web.state import State
 from revline.web.view.drawing import drawn, thin
 
@@ -60,6 +60,7 @@ def view_answers(state: State) -> Mapping[str, Any]:
         _check_throttle_step(state)
     else:
         _check_command(state)
+    check_amplitude(state, find_point(place_of(state)))
     answer = _model_to_throttle if state.step == "throttle" else _model_answer
     found: dict[str, Any] = {}
     for name in MODELS:

@@ -1,0 +1,70 @@
+"""Roots of many systems at once: the same as one by one, and one that fails spoils no other."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from revline.errors import AnalysisError, RevlineError
+from revline.lti.feedback import FeedbackBlock, feedback_blocks, stack_blocks
+from revline.lti.root_batches import characteristic_roots_each
+from revline.lti.roots import RightmostRoots, characteristic_roots
+from revline.lti.state_space import DelayStateSpace
+
+Build = Callable[..., DelayStateSpace]
+
+
+def drawn_systems(build: Build) -> list[DelayStateSpace]:
+    """One delay, stable and not; two delays; no delay in a loop; a lag too long for the first degrees; a root on the axis."""
+    random = np.random.default_rng(3)
+    found = [
+        build([random.uniform(0.05, 1.0)], A=random.normal(size=(2, 2)), Bz=random.normal(size=(2, 1)), Cz=random.normal(size=(1, 2)))
+        for _ in range(40)
+    ]
+    found.append(build([1.0, 2.0], A=0.0, Bz=[[-1.0, -0.5]], Cz=[[1.0], [1.0]]))
+    found.append(build([0.5], A=[[-1.0, 0.0], [0.0, -2.0]], Bz=[[0.0], [1.0]], Cz=[[1.0, 0.0]]))
+    found.append(build([40.0], A=-0.1, Bz=[[-3.0]], Cz=[[1.0]]))
+    found.append(build([0.5 * np.pi], A=0.0, Bz=[[-1.0]], Cz=[[1.0]]))
+    found.append(build([0.7, 0.3], A=-0.2, Bz=[[0.0, -1.5]], Cz=[[1.0], [0.0]], Dzz=[[0.0, 0.0], [1.0, 0.0]]))
+    return found
+
+
+def test_many_at_once_are_as_one_by_one(build: Build) -> None:
+    systems = drawn_systems(build)
+    counts = set()
+    for system, found in zip(systems, characteristic_roots_each(systems), strict=True):
+        alone = characteristic_roots(system)
+        assert isinstance(found, RightmostRoots)
+        counts.add(found.unstable_count)
+        assert (found.unstable_count, found.stable, found.degree) == (alone.unstable_count, alone.stable, alone.degree)
+        assert found.roots == pytest.approx(alone.roots, rel=1e-12, abs=1e-12)
+        assert np.all(found.residuals <= 1e-12)
+    assert len(counts) > 2
+
+
+def test_one_that_has_no_answer_spoils_no_other(build: Build) -> None:
+    """Channels that feed one another at a gain of 1.5 without a state have no right-most root."""
+    good = build([1.0], A=-1.0, Bz=[[-1.0]], Cz=[[1.0]])
+    bad = build([1.0], A=-1.0, Bz=[[-1.0]], Cz=[[1.0]], Dzz=[[1.5]])
+    first, second, third = characteristic_roots_each([good, bad, replace(good)])
+    assert isinstance(second, RevlineError)
+    assert isinstance(first, RightmostRoots)
+    assert isinstance(third, RightmostRoots)
+    assert first.roots.tolist() == third.roots.tolist()
+    with pytest.raises(AnalysisError, match="gain of 1 or more") as caught:
+        characteristic_roots(bad)
+    assert str(caught.value) == str(second)
+
+
+def test_roots_right_of_a_line_are_counted_for_many(build: Build) -> None:
+    """Also where the line passes so near a root that its neighbourhood must be looked at closely; on a root there is no number."""
+    blocks: list[FeedbackBlock] = [block for system in drawn_systems(build)[:40] for block in feedback_blocks(system) if block.lags.size]
+    roots = [characteristic_roots(system).roots for system in drawn_systems(build)[:40]]
+    lines = np.array([entry.real[0] - 1e-6 * (1.0 + abs(entry[0])) for entry in roots])
+    counts = stack_blocks(blocks).count_right_of_each(lines)
+    assert counts.tolist() == [int(np.sum(entry.real > line)) for entry, line in zip(roots, lines, strict=True)]
+    assert counts.tolist() == [block.count_right_of(float(line)) for block, line in zip(blocks, lines, strict=True)]
+    lines[7] = roots[7].real[0]
+    again = stack_blocks(blocks).count_right_of_each(lines)
+    assert np.flatnonzero(again != counts).tolist() in ([7], [])
