@@ -76,13 +76,7 @@ def margins(
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "margins")
     options = (unstable_poles, delay, columns, amplitude)
-    of_response = len(files) == 2 and files[0].suffix.lower() == ".csv"
-    if len(files) > 2:
-        message = f"{len(files)} files were given; give a controller file, or a model file and a controller file"
-        raise InvalidInputError(message)
-    if not of_response and any(option is not None for option in options):
-        message = "--unstable-poles, --delay, --columns and --amplitude are for a frequency response; give RESPONSE.csv, or leave them out"
-        raise InvalidInputError(message)
+    of_response = _is_of_response(files, options)
     file = read_controller(files[-1])
     if hasattr(file.controller.sampling, "computation_delay"):
         _show_discrete(shell, files, file.controller, EngineChoice(engine, throttle, load), out)
@@ -100,6 +94,18 @@ def margins(
         Grid("Crossovers", ("frequency [rad/s]", "what", "margin"), _crossovers(record)),
         text_on=out,
     )
+
+
+def _is_of_response(files: list[Path], options: tuple[object, ...]) -> bool:
+    """Whether the plant is a frequency response; options that only that takes are refused without it, and more than two files."""
+    if len(files) > 2:
+        message = f"{len(files)} files were given; give a controller file, or a model file and a controller file"
+        raise InvalidInputError(message)
+    found = len(files) == 2 and files[0].suffix.lower() == ".csv"
+    if not found and any(option is not None for option in options):
+        message = "--unstable-poles, --delay, --columns and --amplitude are for a frequency response; give RESPONSE.csv, or leave them out"
+        raise InvalidInputError(message)
+    return found
 
 
 def _show_discrete(shell: Shell, files: list[Path], controller: "PidController", choice: EngineChoice, out: Path | None) -> None:
