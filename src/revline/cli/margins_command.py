@@ -68,25 +68,30 @@ def margins(
     Of a controller that samples they are those that its samples see, sampling and hold exact; of one with a filter its filter is in
     the loop. Set-point weights, limits, anti-windup, dead zone and resolution have no part in small signals.
     """
-    from revline.design.stability.margins import find_margins
     from revline.io.controller_files import read_controller
-    from revline.io.json_files import format_json
-    from revline.io.margin_records import describe_margins, margin_record
 
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "margins")
-    options = (unstable_poles, delay, columns, amplitude)
+    options, choice = (unstable_poles, delay, columns, amplitude), EngineChoice(engine, throttle, load)
     of_response = _is_of_response(files, options)
     file = read_controller(files[-1])
     if hasattr(file.controller.sampling, "computation_delay"):
-        _show_discrete(shell, files, file.controller, EngineChoice(engine, throttle, load), out)
-        return
-    if of_response:
-        refuse_engine(EngineChoice(engine, throttle, load))
+        _show_discrete(shell, files, file.controller, choice, out)
+    elif of_response:
+        refuse_engine(choice)
         _show_sampled(shell, files[0], file.feedback_gains, options, out)
-        return
-    found = find_margins(_open_loop(files, file.controller, EngineChoice(engine, throttle, load)))
-    record = margin_record(found, file.controller)
+    else:
+        _show_continuous(shell, files, file.controller, choice, out)
+
+
+def _show_continuous(shell: Shell, files: list[Path], controller: "PidController", choice: EngineChoice, out: Path | None) -> None:
+    """Margins under a continuous controller."""
+    from revline.design.stability.margins import find_margins
+    from revline.io.json_files import format_json
+    from revline.io.margin_records import describe_margins, margin_record
+
+    found = find_margins(_open_loop(files, controller, choice))
+    record = margin_record(found, controller)
     shell.write(out, format_json(record), "margins")
     shell.show(
         record,
