@@ -162,7 +162,7 @@ def test_a_large_peak_is_kept_as_well(engine_map: GainMap, peak: float) -> None:
 
 
 def test_best_gains_at_the_edge_of_a_window_are_found() -> None:
-    """The largest ki of this plant with Ms = 2 has kp = 0.3: a window that ends at 0.2 has it at its edge, and nothing is looked at beyond."""
+    """The largest ki of this plant with Ms = 2 has kp = 0.49: in a window that ends at 0.2 it is at its edge."""
     plant = TransferFunction(numerator=(12.0,), denominator=(1.0, 0.6), delay=0.05, input_unit="deg", output_unit="rad/s")
     window = Window(kp_low=0.0, kp_high=0.2, ki_high=20.0)
     region = find_gain_region(family_of_model(plant), window)
