@@ -156,10 +156,17 @@ export class Refused extends Error {
 
 const CLIENT = Array.from(crypto.getRandomValues(new Uint8Array(9)), (n) => n.toString(36)).join("");
 
+/** Parts of a view, and the names of those that the server left for later because many ask at once. */
+export interface View {
+  parts: Found;
+  later: PartName[];
+}
+
 /** Ask for parts of a view; `line` names what the newest of displaces what waits, on this page alone. */
-export async function fetchView(state: State, parts: PartName[], line = ""): Promise<Found> {
-  const answer = await post("/api/v1/view", { state, parts }, CLIENT + line);
-  return ((await answer.json()) as { parts: Found }).parts;
+export async function fetchView(state: State, parts: PartName[], line = ""): Promise<View> {
+  const answer = await post("/api/v1/view", { state, parts, whole: false }, CLIENT + line);
+  const { parts: found, later = [] } = (await answer.json()) as { parts: Found; later?: PartName[] };
+  return { parts: found, later };
 }
 
 /** Ask for a text, such as a study file. */

@@ -94,8 +94,14 @@ export function fromPosition(position: number, spec: Pick<Spec, "low" | "high" |
 
 const ENGINES: Record<string, string> = {
   lee1995: "Lee (1995)",
-  "lee1995-generic": "Lee (1995), generic efficiency",
+  "lee1995-generic": "generic efficiency",
 };
+
+/** A value some steps further: by the control's step, or where its way is divided by powers of ten by a hundredth of its size. */
+export function stepped(value: number, steps: number, spec: Pick<Spec, "step" | "least">): number {
+  const size = spec.least ? 10 ** Math.floor(Math.log10(Math.max(Math.abs(value), 10 * spec.least)) - 1) : spec.step;
+  return Number((value + steps * size).toPrecision(6));
+}
 
 export interface Parameter {
   key: string;
@@ -261,7 +267,7 @@ export class Controls {
     slider.max = String(POSITIONS);
     slider.addEventListener("input", () => set(fromPosition(slider.valueAsNumber, spec), false));
     slider.addEventListener("change", () => this.store.settle());
-    field.step = "any";
+    stepByKeys(field, (steps) => set(stepped(this.store.state[spec.key] ?? 0, steps, spec), true));
     field.addEventListener("change", () => {
       if (Number.isFinite(field.valueAsNumber)) set(field.valueAsNumber, true);
       else this.update(this.store.state);
@@ -295,7 +301,10 @@ export class Controls {
       set(Number(value.toPrecision(4)), false);
     });
     slider.addEventListener("change", () => this.store.settle());
-    field.step = "any";
+    stepByKeys(field, (steps) => {
+      const value = this.store.state.parameters[parameter.key] ?? parameter.value;
+      set(Number((value + (5 * steps * span) / POSITIONS).toPrecision(6)), true);
+    });
     field.addEventListener("change", () => {
       if (Number.isFinite(field.valueAsNumber)) set(field.valueAsNumber, true);
       else this.update(this.store.state);
@@ -337,6 +346,7 @@ export class Controls {
     text.textContent = label;
     const units = document.createElement("span");
     units.className = "unit";
+    units.id = `${key}-unit`;
     units.textContent = unit === "1" ? "" : unit;
     const slider = document.createElement("input");
     slider.type = "range";
@@ -345,8 +355,10 @@ export class Controls {
     slider.setAttribute("aria-label", `${label}, slider`);
     const field = document.createElement("input");
     field.type = "number";
+    field.step = "any";
+    watchTyping(field);
     field.id = `${key}-number`;
-    field.setAttribute("aria-describedby", `${key}-fault`);
+    field.setAttribute("aria-describedby", `${key}-unit ${key}-fault`);
     row.append(text, field, units, slider, this.fault(key));
     return { row, slider, field };
   }
@@ -415,7 +427,29 @@ export class Controls {
   }
 }
 
+/** Show a value in a field, but never in place of what is being typed. */
 function show(input: HTMLInputElement, text: string): void {
-  if (input.value !== text && document.activeElement !== input) input.value = text;
-  else if (input.type === "range" && input.value !== text) input.value = text;
+  if (input.value !== text && !input.dataset.typing) input.value = text;
+}
+
+/** Note while something is typed, until it is taken or left. */
+function watchTyping(field: HTMLInputElement): void {
+  field.addEventListener("input", () => {
+    field.dataset.typing = "yes";
+  });
+  for (const end of ["change", "blur"]) {
+    field.addEventListener(end, () => {
+      delete field.dataset.typing;
+    });
+  }
+}
+
+/** Let the arrow keys move a field as they move its slider: by the same small share of the way, ten times as much with Shift. */
+function stepByKeys(field: HTMLInputElement, next: (steps: number) => void): void {
+  field.addEventListener("keydown", (event) => {
+    if (event.key !== "ArrowUp" && event.key !== "ArrowDown") return;
+    event.preventDefault();
+    delete field.dataset.typing;
+    next((event.key === "ArrowUp" ? 1 : -1) * (event.shiftKey ? 10 : 1));
+  });
 }

@@ -205,7 +205,7 @@ export class Data {
     if (answer.kind === "response") this.calls.curve(answer.response);
     if (answer.kind === "engine") this.calls.engine(answer.state);
     if (answer.kind === "log") {
-      if (!isProblem(answer.response)) this.calls.curve(answer.response as Curve);
+      this.calls.curve(isProblem(answer.response) ? undefined : (answer.response as Curve));
       this.shown.append(logPlot(answer));
     }
     this.shown.append(list);

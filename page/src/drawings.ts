@@ -166,7 +166,12 @@ export function drawDistortion(found: Found): Drawing | undefined {
     const read = peaks.distortion.map((share) => 100 * share);
     lines.push({ label: "peaks", color: COLORS.peaks, x: peaks.frequency_rad_s, y: read, marker: "cross", width: 3 });
   }
-  return { lines, x: [0.1, 200], y: [0, Math.max(0.1, 1.1 * most)], summary: `at most ${most.toFixed(2)} %` };
+  return {
+    lines,
+    x: [0.1, 200],
+    y: [0, Math.max(0.1, 1.1 * most)],
+    summary: `harmonics at most ${most.toFixed(2)} % of the fundamental`,
+  };
 }
 
 export function drawRoots(found: Found): Drawing | undefined {
@@ -254,7 +259,7 @@ export function drawPlane(found: Found, state: State, controllers: readonly Name
     const name = `Ms ${contour.ms}`;
     if (contour.none) {
       lines.push({ ...look, label: `${name}: none`, x: [], y: [], title: contour.none });
-      missing.push(`no gains have ${name}: ${contour.none}`);
+      missing.push(contour.none);
     }
     for (const [j, piece] of (contour.pieces ?? []).entries()) {
       lines.push({

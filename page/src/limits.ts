@@ -16,7 +16,12 @@ export function limitsRow(store: Store, fault: (key: string) => HTMLElement): Li
   const row = element("div", { className: "control limits" });
   row.setAttribute("role", "group");
   row.setAttribute("aria-label", "Limits of the throttle");
-  const reset = element("button", { type: "button", textContent: "↺", title: "The engine's own limits" });
+  const reset = element("button", {
+    type: "button",
+    className: "small",
+    textContent: "↺",
+    title: "The engine's own limits",
+  });
   reset.setAttribute("aria-label", "Reset the limits to the engine's own");
   reset.addEventListener("click", () => {
     store.replace(without(without(store.state, "low_deg"), "high_deg"));
@@ -38,7 +43,8 @@ export function limitsRow(store: Store, fault: (key: string) => HTMLElement): Li
   const update = (state: State, own: number | undefined) => {
     for (const [input, value] of [[low, state.low_deg] as const, [high, state.high_deg] as const]) {
       const text = value === undefined ? "" : String(value);
-      if (input.value !== text && document.activeElement !== input) input.value = text;
+      if (input.value !== text && (document.activeElement !== input || input.value !== input.dataset.typed))
+        input.value = text;
     }
     low.placeholder = "0";
     high.placeholder = own === undefined ? "" : String(own);
@@ -55,10 +61,14 @@ function without(state: State, key: Limit): State {
 }
 
 function field(store: Store, key: Limit, which: string): HTMLInputElement {
-  const input = element("input", { type: "number", step: "any", id: `${key}-number` });
+  const input = element("input", { type: "number", step: "any", min: "0", max: "90", id: `${key}-number` });
   input.setAttribute("aria-label", `${which} limit of the throttle in deg, the engine's own where empty`);
   input.setAttribute("aria-describedby", `${key}-fault`);
+  input.addEventListener("input", () => {
+    input.dataset.typed = input.value;
+  });
   input.addEventListener("change", () => {
+    delete input.dataset.typed;
     if (Number.isFinite(input.valueAsNumber)) store.set({ [key]: input.valueAsNumber });
     else store.replace(without(store.state, key));
   });

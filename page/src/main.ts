@@ -18,6 +18,7 @@ import {
   Refused,
   sendFile,
   startJob,
+  type View,
 } from "./api";
 import { Controls, type Parameter } from "./controls";
 import { Data, type FileAnswer } from "./data";
@@ -41,7 +42,8 @@ const need = <T extends HTMLElement = HTMLElement>(id: string): T => {
 };
 
 const read = fromAddress(location.hash);
-const readOfLook = readLook(new URLSearchParams(location.hash.replace(/^#/, "")), STOPS.length);
+const addressEntries = () => new URLSearchParams(location.hash.replace(/^#/, ""));
+const readOfLook = readLook(addressEntries(), STOPS.length);
 const faults = [...read.faults, ...readOfLook.faults];
 const store = new Store(read.state);
 const looks = new Looks(readOfLook.look);
@@ -145,7 +147,7 @@ const plots: Shown[] = [
       id: "distortion",
       title: "Distortion",
       x: frequency,
-      y: { label: "harmonics", unit: "% of fundamental" },
+      y: { label: "distortion", unit: "%" },
     }),
     draw: drawDistortion,
     parts: ["response"],
@@ -238,7 +240,7 @@ function report(view: "busy" | "drawn" | "settled"): void {
 const keys = new Map<PartName, string>();
 const known = (part: PartName, state: State) => keys.get(part) === keyOf(part, state);
 
-/** Take in what was found; a part with a problem is asked for again. */
+/** Take in what was found; a part with a problem, and one left for later, is asked for again. */
 function take(answer: Found, parts: readonly PartName[], state: State): void {
   for (const part of parts) {
     if (answer[part] === undefined || isProblem(answer[part])) keys.delete(part);
@@ -247,9 +249,9 @@ function take(answer: Found, parts: readonly PartName[], state: State): void {
   found = { ...found, ...answer };
 }
 
-const slowFollower = new Follower<{ state: State; parts: PartName[] }, Found>(
+const slowFollower = new Follower<{ state: State; parts: PartName[] }, View>(
   ({ state, parts }) => fetchView(state, parts, "slow"),
-  (answer, asked) => {
+  ({ parts: answer }, asked) => {
     if (!same(asked.state, store.state)) return;
     take(answer, asked.parts, asked.state);
     redraw();
@@ -270,25 +272,40 @@ function askSlow(): void {
   }, REST);
 }
 
-const follower = new Follower<State, { answer: Found; parts: PartName[] }>(
+/** What the server left for later, of the state shown. */
+let left: PartName[] = [];
+
+function wanted(state: State): PartName[] {
+  const parts = ([...LIVE, "map"] as PartName[]).filter((part) => !known(part, state));
+  return parts.length > 0 ? parts : ["words"];
+}
+
+const follower = new Follower<State, View & { asked: PartName[] }>(
   async (state) => {
-    const parts = ([...LIVE, "map"] as PartName[]).filter((part) => part === "words" || !known(part, state));
-    return { answer: await fetchView(state, parts), parts };
+    const parts = wanted(state);
+    return { ...(await fetchView(state, parts)), asked: parts };
   },
-  ({ answer, parts }, asked) => {
+  ({ parts: answer, later, asked: parts }, asked) => {
     for (const part of SLOW) {
       // What no longer belongs to this state must not be shown with it.
       if (!known(part, asked)) delete found[part];
     }
     take(answer, parts, asked);
+    for (const part of later) delete found[part];
+    left = later;
     shown = asked;
+    attempts = 0;
     banner.hidden = faults.length === 0;
-    verdict.textContent = answer.words?.verdict ?? "";
+    verdict.textContent = found.words?.verdict ?? (left.length > 0 ? "many ask at once: the rest follows" : "");
     verdict.title = verdict.textContent;
     verdict.className = toneOf(found);
     if (found.point && !isProblem(found.point)) controls.point = found.point;
     redraw();
     if (!same(asked, store.state)) return;
+    if (left.length > 0) {
+      follower.follow(asked);
+      return;
+    }
     report("drawn");
     askSlow();
   },
@@ -296,6 +313,7 @@ const follower = new Follower<State, { answer: Found; parts: PartName[] }>(
 );
 
 function toneOf(answer: Found): string {
+  if (left.length > 0 && !answer.margins) return "";
   if (answer.margins && !isProblem(answer.margins)) {
     const hunts = answer.loop && !isProblem(answer.loop) && answer.loop.outcome !== "settled" && answer.loop.outcome;
     return answer.margins.stable && !hunts ? "good" : "bad";
@@ -305,7 +323,8 @@ function toneOf(answer: Found): string {
 
 let attempts = 0;
 function lost(error: unknown): void {
-  if (error instanceof Refused) {
+  const busy = error instanceof Refused && error.problem.status === 503;
+  if (error instanceof Refused && !busy) {
     if (error.problem.status === 409) return;
     controls.tell(new Map([[error.problem.control ?? "", error.problem.detail]]));
     if (!controls.knows(error.problem.control ?? "")) say(error.problem.detail);
@@ -316,14 +335,15 @@ function lost(error: unknown): void {
     report("settled");
     return;
   }
-  if (!(error instanceof Lost)) throw error;
+  if (!busy && !(error instanceof Lost)) throw error;
   attempts += 1;
   const wait = Math.min(2 ** attempts, 20);
   grey();
-  say(`The server does not answer; what is shown is the last it said. Trying again every ${wait} s.`);
+  const why = busy ? error.problem.detail : "The server does not answer";
+  say(`${why}; what is shown is the last it said. Trying again every ${wait} s.`);
   setTimeout(() => {
     fetchJson("/api/v1/health").then(() => {
-      attempts = 0;
+      if (!busy) attempts = 0;
       banner.hidden = true;
       start();
       follower.follow(store.state);
@@ -418,6 +438,7 @@ document.addEventListener("keydown", (event) => {
 });
 window.addEventListener("hashchange", () => {
   const next = fromAddress(location.hash);
+  look(readLook(addressEntries(), STOPS.length).look);
   if (!same(next.state, store.state)) store.replace(next.state);
 });
 
@@ -469,6 +490,7 @@ controls.engineBox.addEventListener("toggle", () => looks.open("engine", control
 /** Show the page as a link wants it looked at. */
 function look({ errors, open, tour: step }: Look): void {
   showErrors(errors);
+  looks.set({ errors });
   controls.engineBox.open = open.includes("engine");
   if (open.includes("data")) data.open();
   if (open.includes("jobs")) jobs.open();

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { fromPosition, toPosition } from "../src/controls";
+import { fromPosition, stepped, toPosition } from "../src/controls";
 import { rangeOf } from "../src/drawings";
 import { csvOf, escapeText, ticks } from "../src/export";
 import { rectanglesOf } from "../src/paint";
@@ -74,5 +74,7 @@ describe("ranges and sliders", () => {
     }
     expect(fromPosition(500, { low: 4, high: 80, step: 0.1 })).toBe(42);
     expect(toPosition(1e9, gain)).toBe(1000);
+    expect([stepped(1.2, 1, gain), stepped(20, -1, gain), stepped(0, 1, gain)]).toEqual([1.3, 19, 0.01]);
+    expect(stepped(25, 10, { step: 0.1 })).toBe(26);
   });
 });

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from revline.cli import run
 from revline.io.engine_files import format_engine
@@ -325,8 +326,12 @@ def test_roots_of_the_loops_solve_their_equations() -> None:
     """Each root of the exact loop and of the delayed model's makes 1 + L vanish; C1 has a pair right of the axis, as its margins say."""
     state = parse_state(dict(zip(("kp", "ki", "kd"), THESIS[0][1:4], strict=True)))
     found = view(state.model_dump(exclude_none=True), "loop_roots", "roots", "margins")
-    point, law = find_point(place_of(state)), lambda s: state.kp + state.ki / s + state.kd * s
+    point = find_point(place_of(state))
     model = fit_model(place_of(state), state.amplitude_deg, "g2d").fit.model
+
+    def law(s: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        return np.asarray(state.kp + state.ki / s + state.kd * s)
+
     exact = np.array([complex(*pair) for pair in found["loop_roots"]["roots_rad_s"]])
     fitted = np.array([complex(*pair) for pair in found["roots"]["models"]["g2d"]["closed"]])
     row, column = (

@@ -1,21 +1,24 @@
-"""A frequency response from records of an input and an output, as a test bench logs them: spectra averaged over overlapping stretches.
+"""A frequency response from records of an input and an output, as a test bench logs them, with what it may be wrong by.
 
-With U and Y the spectra of a stretch, H = <U* Y>/<U* U> and the coherence |<U* Y>|^2/(<U* U><Y* Y>), averages over all stretches. Noise
-on the output alone leaves H without bias. One standard deviation of |H| as a fraction of it is sqrt((1 - c)/(2 c n)), c the coherence
-and n the number of stretches that are independent.
+Records tell nothing of what happens between samples. What enters a plant between them is therefore asked for, or taken from the record's
+look, and divided out: an input held until its next sample has lost sinc(w h/2) and half a sample of time, one that goes straight to it
+sinc^2(w h/2). What then is left of frequencies above half the sampling frequency, which samples cannot tell apart from those below, is
+bounded by how steeply the response falls. Leakage between frequencies is estimated with the response; see `local_polynomials`.
 
-Source: Welch (1967), IEEE Transactions on Audio and Electroacoustics 15(2), 70-73; Bendat and Piersol (2010), Random Data, chapter 9.
+Source: Pintelon and Schoukens (2012), System Identification: A Frequency Domain Approach, chapters 7 and 13.
 """
 
+import itertools
 import math
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import signal
 
+from revline.analysis.local_polynomials import LocalFit, fit_locally
 from revline.errors import AnalysisError, InvalidInputError
-from revline.lti.response import FrequencyResponse
+from revline.lti.response import Complexes, FrequencyResponse
 from revline.values import make_read_only
 
 Floats = NDArray[np.float64]
@@ -23,29 +26,53 @@ Floats = NDArray[np.float64]
 FEWEST_SAMPLES = 256
 """A shorter record tells no response."""
 
-STRETCHES = 8
-"""Into so many independent stretches a record is cut."""
+FEWEST_PERIODS = 16
+"""The lowest frequency that is told has so many periods in the record."""
 
-FEWEST_PER_STRETCH = 64
-"""Samples of a stretch at least; a shorter record has fewer stretches."""
-
-LONGEST_PERIODS = 3.0
-"""The lowest frequency that is told has so many periods in a stretch: below, leakage through the window falsifies it."""
+NEIGHBOURS = (8, 24)
+"""Frequencies on each side that tell the response at one; a third of its distance from 0, in these limits."""
 
 TOP = 0.6
-"""Part of half the sampling frequency up to which a response is told: above, interpolation between samples falsifies it."""
+"""Part of half the sampling frequency up to which a response is told: above, what samples cannot tell apart is above a tenth."""
 
 MOST_POINTS = 80
-"""So many frequencies at most, spaced alike on a logarithmic axis."""
+"""So many frequencies at most, spaced alike on a logarithmic axis; of those near each the one with most input."""
 
-EXCITED = 1e-6
-"""Frequencies at which the input has less than this part of its largest power are left out."""
+EXCITED = 1e-5
+"""Frequencies at which the input has less than this part of its largest power, so far as it is no transient, are left out."""
+
+OWN, OWN_OF_FEW = 0.05, 2.0
+"""A frequency at which the input has less than this part of its neighbours' mean power is left out: theirs do not tell its response. The
+second is for an input of few sinusoids, of which only the lines themselves are told."""
 
 WIDEST_GAP = 5.0
 """A distance between samples that is this many times the usual one is a gap."""
 
 TRUSTED = 0.8
 """Coherence from which on a frequency is kept."""
+
+MOST_BIAS = 0.1
+"""A frequency whose bound is larger is left out."""
+
+EVEN = 1e-3
+"""Samples this near to an even clock, in distances of samples, are evenly spaced."""
+
+GENTLEST = 1.0
+"""Above what is told a response falls with this power of the frequency at least, as all do that have a lag."""
+
+ALIASES = 60
+"""Multiples of the sampling frequency that are summed."""
+
+FEW_LEVELS = 16
+"""An input of so few values at most is held between its samples, and switched at them."""
+
+
+class Between(Enum):
+    """What an input does between its samples: stays, goes straight to the next, or has no frequencies above half the sampling frequency."""
+
+    HELD = "held"
+    STRAIGHT = "straight"
+    SMOOTH = "smooth"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,16 +82,23 @@ class LoggedResponse:
     Attributes:
         response: output per input.
         coherence: part of the output's power that the input explains, shape (n,).
-        deviation: one standard deviation of the magnitude, as a fraction of it, shape (n,): its random part alone, without what leaks
-            from one frequency to another or is lost between samples, which near the top of the band can be much more.
-        stretches: how many independent ones were averaged.
-        left_out: how many frequencies in the band had too little coherence or input.
+        deviation: one standard deviation of the magnitude, as a fraction of it, shape (n,): its random part.
+        bias: bound of the part that is not random, as a fraction of the magnitude, of the complex response, shape (n,): leakage, what lies
+            above half the sampling frequency if the response keeps falling there, and samples that are not even. Where `known` is false
+            also what an input smooth between its samples would change in the magnitude.
+        between: what the input was taken to do between its samples.
+        known: whether that was given, or was to be seen; else an input held there instead would have a delay half a sample shorter.
+        neighbours: how many frequencies told each one, shape (n,).
+        left_out: how many frequencies looked at had too little coherence or input, or too large a bound.
     """
 
     response: FrequencyResponse
     coherence: Floats
     deviation: Floats
-    stretches: int
+    bias: Floats
+    between: Between
+    known: bool
+    neighbours: NDArray[np.int64]
     left_out: int
 
     def __post_init__(self) -> None:
@@ -72,7 +106,13 @@ class LoggedResponse:
 
 
 def estimate_response(
-    times: ArrayLike, moved: ArrayLike, watched: ArrayLike, *, names: tuple[str, str], units: tuple[str, str]
+    times: ArrayLike,
+    moved: ArrayLike,
+    watched: ArrayLike,
+    *,
+    names: tuple[str, str],
+    units: tuple[str, str],
+    between: Between | None = None,
 ) -> LoggedResponse:
     """Estimate a frequency response from an input's and an output's record.
 
@@ -82,58 +122,148 @@ def estimate_response(
         watched: the output, shape (n,).
         names: of input and output.
         units: of input and output.
+        between: what the input does between its samples; where it is not given, one of few values, or one that stands still between
+            jumps, is held, any other straight as all recordings are.
 
     Returns:
-        The response where the coherence is at least 0.8.
+        The response where the coherence is at least 0.8 and the bias at most 0.1.
 
     Raises:
         InvalidInputError: the record is too short or has a gap, or the input or the output does not move.
         AnalysisError: at no frequency does the input explain the output.
     """
-    clock, u, y = _evenly(times, moved, watched)
+    clock, u, y, uneven = _evenly(times, moved, watched)
     for name, values in zip(names, (u, y), strict=True):
         if float(np.ptp(values)) == 0.0:
             message = f"{name} does not move in this record; log one in which it does"
             raise InvalidInputError(message, quantity=name)
-    step = float(clock[1] - clock[0])
-    length = max(FEWEST_PER_STRETCH, clock.size // STRETCHES)
-    options = {"fs": 1.0 / step, "nperseg": length, "detrend": "linear"}
-    frequency, power = signal.welch(u, **options)
-    _, cross = signal.csd(u, y, **options)
-    _, coherence = signal.coherence(u, y, **options)
-    band = (frequency * length * step >= LONGEST_PERIODS) & (frequency <= TOP * 0.5 / step)
-    with np.errstate(invalid="ignore"):
-        told = band & (power > EXCITED * float(np.max(power[band], initial=0.0))) & (coherence >= TRUSTED)
-    if not told.any():
-        best = float(np.max(coherence[band], initial=0.0))
-        message = (
-            f"at no frequency does {names[0]} explain {names[1]}: the largest coherence is {best:.2g}, and {TRUSTED:g} is wanted; log a "
-            "longer record in which it moves more"
-        )
-        raise AnalysisError(message, coherence=best)
-    kept = _spread(frequency, np.flatnonzero(told))
-    stretches = clock.size // length
+    held = looks_held(moved)
+    shape = between or (Between.HELD if held else Between.STRAIGHT)
+    known, step = between is not None or held, float(clock[1] - clock[0])
+    sizes = float(np.ptp(u)), float(np.ptp(y))
+    spectra = np.fft.rfft((u - u.mean()) / sizes[0]), np.fft.rfft((y - y.mean()) / sizes[1])
+    places = _candidates(spectra[0])
+    fits = [fit_locally(*spectra, int(k), _neighbours(int(k))) for k in places]
+    omega = np.asarray(2.0 * math.pi * places / (clock.size * step), dtype=np.float64)
+    answers = np.array([fit.value for fit in fits], dtype=complex) / _shape(shape, omega * step)
+    coherence, told = _judged(fits)
+    bias = np.full(places.size, np.inf)
+    if told.any():
+        bias[told] = _leakage([fit for fit, kept in zip(fits, told, strict=True) if kept], places[told])
+        bias[told] += _aliases(omega[told], np.abs(answers[told]), step, shape) + _uncertain(omega[told] * step, shape, known, uneven)
+    kept = told & (bias <= MOST_BIAS)
+    if not kept.any():
+        raise _nothing_told(names, coherence, bias[told])
     response = FrequencyResponse(
-        omega=2.0 * math.pi * frequency[kept],
-        values=cross[kept] / power[kept],
+        omega=omega[kept],
+        values=answers[kept] * (sizes[1] / sizes[0]),
         input_name=names[0],
         input_unit=units[0],
         output_name=names[1],
         output_unit=units[1],
         method="spectra of a record",
     )
-    c = np.minimum(coherence[kept], 1.0)
     return LoggedResponse(
         response=response,
-        coherence=c,
-        deviation=np.sqrt((1.0 - c) / (2.0 * c * stretches)),
-        stretches=stretches,
-        left_out=int(np.count_nonzero(band) - np.count_nonzero(told)),
+        coherence=coherence[kept],
+        deviation=np.array([math.sqrt(0.5 * fit.variance) / abs(fit.value) for fit, one in zip(fits, kept, strict=True) if one]),
+        bias=bias[kept],
+        between=shape,
+        known=known,
+        neighbours=np.array([2 * _neighbours(int(k)) + 1 for k in places[kept]]),
+        left_out=int(np.count_nonzero(~kept)),
     )
 
 
-def _evenly(times: ArrayLike, moved: ArrayLike, watched: ArrayLike) -> tuple[Floats, Floats, Floats]:
-    """Records on an even clock with as many samples."""
+def _judged(fits: list[LocalFit]) -> tuple[Floats, NDArray[np.bool_]]:
+    """The coherence at each frequency, and at which it and the input suffice."""
+    coherence = np.array([fit.explained / (fit.explained + fit.noise) if fit.explained else 0.0 for fit in fits])
+    power = np.array([fit.power for fit in fits])
+    own = np.array([fit.own > (OWN_OF_FEW if fit.sparse else OWN) for fit in fits])
+    return coherence, (power > EXCITED * float(np.max(power, initial=0.0))) & own & (coherence >= TRUSTED)
+
+
+def looks_held(values: ArrayLike) -> bool:
+    """Tell whether an input stays between its samples: it has few values, or most of its samples are those before, with jumps between."""
+    u = np.asarray(values, dtype=float)
+    extent = float(np.ptp(u))
+    if extent == 0.0:
+        return False
+    rounded = np.round((u - u.min()) / extent, 9)
+    moves = np.diff(rounded) != 0.0
+    lonely = moves[:-1] & ~moves[1:]
+    stands = float(np.mean(moves)) <= 0.5 and np.count_nonzero(lonely) >= 0.8 * np.count_nonzero(moves[:-1])
+    return bool(np.unique(rounded).size <= FEW_LEVELS or stands)
+
+
+def _nothing_told(names: tuple[str, str], coherence: Floats, bias: Floats) -> AnalysisError:
+    best = float(np.max(coherence, initial=0.0))
+    if bias.size:
+        least = float(np.min(bias))
+        message = (
+            f"at no frequency is the response of {names[1]} to {names[0]} known within {MOST_BIAS:g} of it: the least bound is "
+            f"{least:.2g}; log a longer record, or sample faster"
+        )
+        return AnalysisError(message, bias=least)
+    message = (
+        f"at no frequency does {names[0]} explain {names[1]}: the largest coherence is {best:.2g}, and {TRUSTED:g} is wanted; log a "
+        "longer record in which it moves more"
+    )
+    return AnalysisError(message, coherence=best)
+
+
+def _neighbours(place: int) -> int:
+    return min(max(place // 3, NEIGHBOURS[0]), NEIGHBOURS[1])
+
+
+def _candidates(spectrum: Complexes) -> NDArray[np.intp]:
+    """Positions of frequencies to look at: in each part of a logarithmic axis the one with most input."""
+    top = int(TOP * (spectrum.size - 1))
+    edges = np.unique(np.geomspace(FEWEST_PERIODS, top + 1, MOST_POINTS + 1).astype(int))
+    return np.array([low + int(np.argmax(np.abs(spectrum[low:high]))) for low, high in itertools.pairwise(edges)])
+
+
+def _shape(between: Between, turn: Floats) -> Complexes:
+    """What the input's course between samples does to it, over the angle in which a frequency turns from sample to sample."""
+    part = np.asarray(np.sinc(turn / (2.0 * math.pi)), dtype=complex)
+    courses = {Between.HELD: part * np.exp(-0.5j * turn), Between.STRAIGHT: part**2, Between.SMOOTH: np.ones(turn.size)}
+    return np.asarray(courses[between], dtype=complex)
+
+
+def _leakage(fits: list[LocalFit], places: NDArray[np.intp]) -> Floats:
+    """What polynomials may be wrong by, relative: twice what two orders more change; where they cannot tell, what one place changes."""
+    values = np.array([fit.value for fit in fits])
+    change = np.abs(np.diff(values)) / np.diff(places) if values.size > 1 else np.zeros(0)
+    steepest = np.maximum(np.append(change, 0.0), np.append(0.0, change))
+    found = np.array([2.0 * fit.bias for fit in fits]) + np.where([fit.sparse for fit in fits], steepest, 0.0)
+    return np.asarray(found / np.abs(values))
+
+
+def _aliases(omega: Floats, sizes: Floats, step: float, between: Between) -> Floats:
+    """Bound of what lies around the multiples of the sampling frequency, relative to each response, if it keeps falling."""
+    if between is Between.SMOOTH:
+        return np.zeros(omega.size)
+    last = omega >= 0.5 * omega[-1]
+    slope, top = GENTLEST, float(sizes[-1])
+    if np.count_nonzero(last) >= NEIGHBOURS[0]:
+        x, y = np.log(omega[last] / omega[-1]), np.log(sizes[last])
+        steepness, level = np.polyfit(x, y, 1)
+        slope, top = max(GENTLEST, -float(steepness)), math.exp(float(level))
+    multiples = np.concatenate((np.arange(-ALIASES, 0), np.arange(1, ALIASES + 1))) * (2.0 * math.pi / step)
+    beyond = np.abs(omega[:, None] + multiples)
+    power = 1.0 if between is Between.HELD else 2.0
+    sums = np.sum((omega[:, None] / beyond) ** power * (omega[-1] / beyond) ** slope, axis=1)
+    return np.asarray(sums * top / sizes)
+
+
+def _uncertain(turn: Floats, between: Between, known: bool, uneven: float) -> Floats:  # noqa: FBT001 - a fact, not a mode
+    """What is not known of the course between samples: of the input's magnitude, and of samples that were interpolated."""
+    shape = np.zeros(turn.size) if known else 1.0 / np.abs(_shape(between, turn)) - 1.0
+    return shape + (0.25 * turn**2 + uneven * turn if uneven > EVEN else 0.0)
+
+
+def _evenly(times: ArrayLike, moved: ArrayLike, watched: ArrayLike) -> tuple[Floats, Floats, Floats, float]:
+    """Records on an even clock with as many samples, and how far from it the samples were, in distances of samples."""
     t, u, y = (np.asarray(values, dtype=float) for values in (times, moved, watched))
     if t.size < FEWEST_SAMPLES:
         message = f"a record of {t.size} samples is too short to tell a frequency response; give {FEWEST_SAMPLES} or more"
@@ -147,13 +277,7 @@ def _evenly(times: ArrayLike, moved: ArrayLike, watched: ArrayLike) -> tuple[Flo
         )
         raise InvalidInputError(message, gap=float(steps[widest]), at=float(t[widest]))
     clock = np.linspace(t[0], t[-1], t.size)
-    return clock, np.interp(clock, t, u), np.interp(clock, t, y)
-
-
-def _spread(frequency: Floats, told: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Of the frequencies that are told some, spaced alike on a logarithmic axis."""
-    if told.size <= MOST_POINTS:
-        return told
-    wanted = np.geomspace(frequency[told[0]], frequency[told[-1]], MOST_POINTS)
-    nearest = np.abs(frequency[told][None, :] - wanted[:, None]).argmin(axis=1)
-    return told[np.unique(nearest)]
+    uneven = float(np.max(np.abs(t - clock))) / (clock[1] - clock[0])
+    if uneven <= EVEN:
+        return clock, u, y, uneven
+    return clock, np.interp(clock, t, u), np.interp(clock, t, y), uneven

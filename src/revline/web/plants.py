@@ -195,8 +195,8 @@ def check_influence(state: State, point: Point) -> None:
     if point.linear.model.static_gain("throttle", "engine_speed") == 0.0:
         angle = point.trim.input("throttle")
         message = (
-            f"at {angle:.4g} deg the air no longer follows the throttle: a small move of it changes nothing, so that there is no response "
-            "to it and no loop; choose a smaller angle"
+            f"at {angle:.4g} deg the air no longer follows the throttle: to move it changes nothing, so that there is no response "
+            "and no loop; choose a smaller angle"
         )
         raise InvalidInputError(message, control=_control_of_point(state), angle=angle)
 

@@ -22,7 +22,7 @@ ROUND: Final = 0.4
 FEW: Final = 2
 """While no more clients than this wait, nothing is left for later."""
 
-FIRST: Final = ("point", "loop", "margins", "promises", "gains", "answers")
+FIRST: Final = ("point", "margins", "loop", "promises", "gains", "answers")
 ORDER: Final = (*FIRST, *(name for group in GROUPS for name in group if name not in FIRST))
 """Live parts, those first that a page shows a move by; the verdict in words is made once its parts are there."""
 

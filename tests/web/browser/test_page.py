@@ -168,3 +168,5 @@ def test_plots_can_be_saved(open_page: Open, kind: str) -> None:
     content = coming.value.path().read_bytes()
     assert {"PNG": b"\x89PNG", "SVG": b"<svg", "CSV": b"curve,kp (deg/(rad/s)),"}[kind] in content[:60]
     assert len(content) > 1000
+    if kind == "SVG":  # what is drawn in the plot is in the file: the shaded area, rings, the dot
+        assert all(f'class="{part}"'.encode() in content for part in ("shade", "ring", "dot"))

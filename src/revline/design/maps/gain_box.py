@@ -27,8 +27,8 @@ INSIDE = 6
 WORST_HALVINGS = 3
 """How often the step about the worst point is halved, to find where it lies."""
 
-DRAWN_IN = 20
-"""How often the box that the grid gives is drawn in by a tenth at most, until its corners have gains in common."""
+DRAWN_IN, DRAWINGS = 0.7, 7
+"""To which part a box that the grid gives is drawn in where its corners have no gains in common, and how often."""
 
 TINY = 1e-12
 """Smallest share of the asked ki that is told apart from none."""
@@ -83,19 +83,19 @@ def find_largest_box(system: DelaySystem, found: GainMap, floor: Floor, *, refer
 
     Raises:
         InvalidInputError: the map has fewer than two values on an axis, or the reference has another grid.
-        NotConvergedError: no gains hold even one cell of the grid, or those that hold a box's corners fail between them.
+        NotConvergedError: no gains hold even a part of a cell of the grid, or those that hold a box's corners fail between them.
     """
     reference = reference or found
     if min(found.grid.shape) < 2 or found.grid.shape != reference.grid.shape:
         message = f"a box is sought in a map of {found.grid.shape} points; give at least two values on each axis, alike in both maps"
         raise InvalidInputError(message)
-    start = _largest(found, _masks(found, reference, floor, _candidates(reference, floor)))
+    starts = _starts(found, _masks(found, reference, floor, _candidates(reference, floor)))
     own = Solver(system, found, Design(kd=found.kd, peak=found.peak))
     ask = own if reference is found else Solver(system, reference, Design(kd=reference.kd, peak=reference.peak))
     common = CommonGains(own, ask, floor, found.peak)
 
     def grow(served: tuple[Share, ...]) -> _Trial:
-        box = _grown(start, _whole(found), common, served)
+        box = _grown(starts, _whole(found), common, served)
         gains = common.gentlest(box, served)
         return _try_inside(box, gains, lambda place: try_gains(own, ask, floor, place, gains))
 
@@ -161,8 +161,16 @@ def _masks(found: GainMap, reference: GainMap, floor: Floor, gains: Sequence[tup
     return rows.reshape(*found.grid.shape[::-1], len(gains)).swapaxes(0, 1)
 
 
-def _largest(found: GainMap, masks: NDArray[np.bool_]) -> Box:
-    """The largest box between the grid's lines that any of the gains hold."""
+def _starts(found: GainMap, masks: NDArray[np.bool_]) -> tuple[Box, ...]:
+    """Where the search may begin: the largest box between the grid's lines, else its cells; and parts of these about their middle."""
+    n, m = found.grid.shape
+    largest = _largest(found, masks)
+    boxes = [largest] if largest else [_box(found, (a, a + 1, c, c + 1)) for a in range(n - 1) for c in range(m - 1)]
+    return (*boxes, *(box.about_middle(DRAWN_IN**k) for k in range(1, DRAWINGS) for box in boxes))
+
+
+def _largest(found: GainMap, masks: NDArray[np.bool_]) -> Box | None:
+    """The largest box between the grid's lines that any of the gains hold; nothing where they hold none."""
     bad = np.zeros((masks.shape[0] + 1, masks.shape[1] + 1, masks.shape[2]), dtype=np.int32)
     bad[1:, 1:] = np.cumsum(np.cumsum(~masks, axis=0), axis=1)
     n, m = found.grid.shape
@@ -171,8 +179,7 @@ def _largest(found: GainMap, masks: NDArray[np.bool_]) -> Box:
         count = bad[b + 1, d + 1] - bad[a, d + 1] - bad[b + 1, c] + bad[a, c]
         if np.any(count == 0):
             return _box(found, (a, b, c, d))
-    message = "no gains hold even one cell of the map with this floor; ask for less performance, allow a higher peak, or take a finer map"
-    raise NotConvergedError(message)
+    return None
 
 
 def _box(found: GainMap, ends: tuple[int, int, int, int]) -> Box:
@@ -212,11 +219,16 @@ class _Trial(NamedTuple):
         return max(self.tried, key=lambda place: max(self.tried[place][0] / peak, 1.0 / max(self.tried[place][1], TINY)))
 
 
-def _grown(start: Box, whole: Box, common: CommonGains, served: tuple[Share, ...]) -> Box:
-    """Grow the box in which the served points have gains in common, drawn in about its middle first until they have."""
-    smaller = (start, *(start.about_middle(0.9**k) for k in range(1, DRAWN_IN)))
-    box = next((box for box in smaller if common.exist(box, served)), None)
-    return start if box is None else grow_box(box, whole, lambda tried: common.exist(tried, served))
+def _grown(starts: tuple[Box, ...], whole: Box, common: CommonGains, served: tuple[Share, ...]) -> Box:
+    """Grow the first of some boxes whose served points have gains in common."""
+    box = next((box for box in starts if common.exist(box, served)), None)
+    if box is None:
+        message = (
+            "no gains hold even a cell of the map with this floor, nor a part of one about its middle; "
+            "ask for less performance, allow a higher peak, or take a finer map"
+        )
+        raise NotConvergedError(message)
+    return grow_box(box, whole, lambda tried: common.exist(tried, served))
 
 
 def _try_inside(box: Box, gains: tuple[float, float], attempt: Attempt) -> _Trial:

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from revline import signals
-from revline.analysis.logged_response import estimate_response
+from revline.analysis.logged_response import Between, estimate_response, looks_held
 from revline.dde.simulate import Options, Start, simulate
-from revline.errors import AnalysisError, InvalidInputError, RevlineError, out_of_range
+from revline.errors import AnalysisError, InvalidInputError, RevlineError, out_of_range, suggestion
 from revline.io.csv_table import CsvTable, parse_csv_table
 from revline.io.recorded_files import check_times
 from revline.lti.sampled_inputs import answer_to_samples
@@ -33,6 +33,23 @@ LOAD: Final = "load_torque_n_m"
 SPEEDS: Final = ("engine_speed_rad_s", "speed_rad_s", "engine_speed_rpm", "speed_rpm")
 """Names that the column of the speed may have."""
 
+BETWEEN: Final = "between_samples"
+"""Key of the comment line `# between_samples: held` that says what the throttle does between samples."""
+
+UNKNOWN: Final = (
+    "the throttle is taken to go straight from sample to sample; where it was held, its delay is half a sample shorter: write "
+    f"`# {BETWEEN}: held` (or straight, or smooth) above the header"
+)
+
+FASTEST: Final = 1e4
+"""No engine of this kind turns faster, in rad/s: a larger value is a fault of the log."""
+
+LARGEST_LOAD: Final = 1e4
+"""Largest load torque of either sign, in N m, as the engine's own input has it."""
+
+LATEST: Final = 1e10
+"""Largest time of either sign, in s: clocks that count from 1970 stay below."""
+
 MOST_ROWS: Final = 200_000
 LONGEST: Final = 600.0
 """Longest log in s."""
@@ -51,12 +68,18 @@ OFF: Final = 0.02
 
 
 class Log(NamedTuple):
-    """What a log holds: times from 0 on in s, throttle in deg, speed in rad/s, load in N m."""
+    """What a log holds: times from 0 on in s, throttle in deg, speed in rad/s, load in N m, and what the throttle does between samples."""
 
     times: Floats
     throttle: Floats
     speed: Floats
     load: Floats
+    between: Between | None
+
+    def moves(self) -> Floats:
+        """Times between which the throttle goes straight: those of a held input lie half a sample later, where its steps' middles are."""
+        held = self.between is Between.HELD or (self.between is None and looks_held(self.throttle))
+        return self.times + 0.5 * float(np.median(np.diff(self.times))) if held else self.times
 
 
 def read_log_file(text: str, name: str, state: State) -> Mapping[str, Any]:
@@ -111,16 +134,28 @@ def _read(table: CsvTable, load: float) -> Log:
         message = f"{table.path} has {len(table.rows)} rows; give {MOST_ROWS} at most, thinned evenly"
         raise InvalidInputError(message, rows=float(len(table.rows)))
     times, throttle, speed = (table.numbers(name) for name in (TIME, THROTTLE, found[0]))
+    loads = table.numbers(LOAD) if LOAD in table.header else np.full(times.size, load)
+    to_speed = rpm_to_speed(1.0) if found[0].endswith("rpm") else 1.0
+    limits = [(TIME, times, -LATEST, LATEST), (THROTTLE, throttle, 0.0, 90.0), (found[0], speed, 0.0, FASTEST / to_speed)]
+    for column, values, low, high in (*limits, (LOAD, loads, -LARGEST_LOAD, LARGEST_LOAD)):
+        wrong = np.flatnonzero((values < low) | (values > high))
+        if wrong.size and column in table.header:
+            row = int(wrong[0])
+            raise table.error(row, column, f"{values[row]:g} is outside {low:g} to {high:.6g}; mend or leave out that row")
     check_times(table, times)
     if times.size < 2 or times[-1] - times[0] > LONGEST:
         raise out_of_range(f"duration of {table.path}", float(times[-1] - times[0]), "s", f"0 to {LONGEST:g} s", "give a part of the log")
-    for column, values, high in ((THROTTLE, throttle, 90.0), (found[0], speed, np.inf)):
-        wrong = np.flatnonzero((values < 0.0) | (values > high))
-        if wrong.size:
-            row = int(wrong[0])
-            raise table.error(row, column, f"{values[row]:g} is outside 0 to {high:g}; mend or leave out that row")
-    loads = table.numbers(LOAD) if LOAD in table.header else np.full(times.size, load)
-    return Log(times - times[0], throttle, rpm_to_speed(1.0) * speed if found[0].endswith("rpm") else speed, loads)
+    return Log(times - times[0], throttle, to_speed * speed, loads, _between(table))
+
+
+def _between(table: CsvTable) -> Between | None:
+    """What the file says of the throttle between samples, if anything."""
+    said = table.metadata.get(BETWEEN)
+    kinds = [kind.value for kind in Between]
+    if said is not None and said not in kinds:
+        message = f"{table.path}: {BETWEEN} is {said!r}{suggestion(said, kinds)}; write one of {', '.join(kinds)}"
+        raise InvalidInputError(message, key=BETWEEN)
+    return None if said is None else Between(said)
 
 
 def _engine_speed(log: Log, state: State, point: Point) -> tuple[Floats, Floats]:
@@ -128,7 +163,7 @@ def _engine_speed(log: Log, state: State, point: Point) -> tuple[Floats, Floats]
     first = {"throttle_deg": float(log.throttle[0]), "load_n_m": float(log.load[0])}
     rest = find_point(place_of(state.model_copy(update=first))).trim
     start = Start(states=rest.states, inputs=rest.inputs)
-    moved = {"throttle": signals.recorded(log.times, log.throttle - log.throttle[0])}
+    moved = {"throttle": signals.recorded(log.moves(), log.throttle - log.throttle[0])}
     if np.ptp(log.load) > 0.0:
         moved["load_torque"] = signals.recorded(log.times, log.load - log.load[0])
     until = float(log.times[-1])
@@ -151,7 +186,7 @@ def _exact_speed(log: Log, clock: Floats, point: Point) -> Floats:
     times = clock[: max(2, int(np.searchsorted(clock, until)) + 1)]
     speed = np.full(clock.size, point.trim.output("engine_speed"))
     for name, values in (("throttle", log.throttle), ("load_torque", log.load)):
-        moved = np.interp(clock, log.times, values) - point.trim.input(name)
+        moved = np.interp(clock, log.moves() if name == "throttle" else log.times, values) - point.trim.input(name)
         if np.any(moved):
             answer = step_response(point.linear.model, times, input_name=name).output("engine_speed")
             speed += moved[0] * point.linear.model.static_gain(name, "engine_speed") + answer_to_samples(answer, moved)
@@ -163,7 +198,7 @@ def _model_speed(log: Log, clock: Floats, state: State, name: str) -> Floats:
     point = find_point(place_of(state))
     angle = point.trim.input("throttle")
     model = fit_model(place_of(state), min(state.amplitude_deg, angle, 90.0 - angle), name).fit.model
-    moved = np.interp(clock, log.times, log.throttle) - angle
+    moved = np.interp(clock, log.moves(), log.throttle) - angle
     answer = answer_to_samples(model.step_response(clock), moved)
     return np.asarray(point.trim.output("engine_speed") + moved[0] * model.numerator[0] + answer)
 
@@ -185,7 +220,9 @@ def _judged(log: Log, clock: Floats, speed: Floats) -> Mapping[str, Any]:
 
 def _estimated(log: Log, state: State) -> Mapping[str, Any]:
     """The frequency response that the log itself tells, with models fitted to it, held against the engine."""
-    found = estimate_response(log.times, log.throttle, log.speed, names=("throttle", "engine_speed"), units=("deg", "rad/s"))
+    found = estimate_response(
+        log.times, log.throttle, log.speed, names=("throttle", "engine_speed"), units=("deg", "rad/s"), between=log.between
+    )
     models = {
         name: {"problem": problem_of(fit)} if isinstance(fit, RevlineError) else fit_record_of(name, fit)
         for name, fit in fitted_models(found.response).items()
@@ -194,7 +231,9 @@ def _estimated(log: Log, state: State) -> Mapping[str, Any]:
         **curve(found.response),
         "coherence": drawn(found.coherence),
         "relative_deviation": drawn(found.deviation),
-        "stretches": found.stretches,
+        "relative_bias": drawn(found.bias),
+        "between_samples": found.between.value,
+        **({} if found.known else {"remark": UNKNOWN}),
         "left_out": found.left_out,
         "models": models,
         "engine": compare_with_engine(found.response, state),
