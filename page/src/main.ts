@@ -24,6 +24,7 @@ import { Data, type FileAnswer } from "./data";
 import { drawBode, drawDistortion, drawErrors, drawMap, drawPlane, drawRoots, drawTime, type Named } from "./drawings";
 import { Jobs } from "./jobs";
 import { ERROR_PLOTS, type Look, Looks, readLook } from "./look";
+import { responseNotes, shareFound } from "./notes";
 import { Numbers } from "./numbers";
 import { type DragPhase, type Drawing, Plot, save } from "./plot";
 import { DEFAULTS, fromAddress, type State, same, toAddress } from "./state";
@@ -151,7 +152,7 @@ const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[
       y: { label: "imaginary", unit: "rad/s" },
     }),
     draw: () => drawRoots(found),
-    parts: ["roots"],
+    parts: ["point"],
   },
   {
     plot: new Plot({ id: "speed", title: "Speed", x: seconds, y: { label: "speed", unit: "rad/s" } }),
@@ -198,14 +199,20 @@ function tellProblems(): void {
   const texts = new Map<string, string>();
   const { response } = found;
   const inner = response && !isProblem(response) ? [response.exact, response.harmonic_balance] : [];
+  const swinging = [response, found.models, ...inner]; // what they have no control for is the amplitude's
   for (const one of [...Object.values(found), ...inner]) {
     if (!isProblem(one) || typeof one.problem === "string") continue;
-    const control = one.problem.control ?? "";
+    const control = one.problem.control ?? (swinging.includes(one) ? "amplitude_deg" : "");
     if (!texts.has(control)) texts.set(control, one.problem.detail);
   }
   const remark = found.validity && !isProblem(found.validity) ? found.validity.warnings[0] : undefined;
   const key = store.state.speed_rad_s === undefined ? "throttle_deg" : "speed_rad_s";
-  controls.tell(texts, new Map(remark ? [[key, `${remark}; the linear model holds no further`]] : []));
+  const remarks = new Map(remark ? [[key, `${remark}; the linear model holds no further`]] : []);
+  const share = shareFound(responseNotes(found));
+  if (share) {
+    remarks.set("amplitude_deg", `only ${share} have an answer at this amplitude; why stands below the margins`);
+  }
+  controls.tell(texts, remarks);
 }
 
 /** What a slow part depends on: it is asked for again only where that changed. */
