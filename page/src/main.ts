@@ -25,6 +25,8 @@ import { Data, type FileAnswer } from "./data";
 import { drawBode, drawDistortion, drawErrors, drawMap, drawPlane, drawRoots, drawTime, type Named } from "./drawings";
 import { Jobs } from "./jobs";
 import { ERROR_PLOTS, type Look, Looks, readLook } from "./look";
+import { keyOf, Reads } from "./needs";
+import { responseNotes, shareFound } from "./notes";
 import { Numbers } from "./numbers";
 import { type DragPhase, type Drawing, Plot, save } from "./plot";
 import { DEFAULTS, fromAddress, type State, same, toAddress } from "./state";
@@ -70,7 +72,14 @@ window.workbench = {
 
 const frequency = { label: "frequency", unit: "rad/s", log: true };
 const seconds = { label: "time", unit: "s" };
-const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[] = [
+interface Shown {
+  plot: Plot;
+  draw: (found: Found, state: State) => Drawing | undefined;
+  parts: PartName[];
+  /** What the drawing that is shown was made of. */
+  from?: { found: Reads<Found>; state: Reads<State> } | undefined;
+}
+const plots: Shown[] = [
   {
     plot: new Plot({
       id: "map",
@@ -82,7 +91,7 @@ const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[
         dragged({ throttle_deg: Number(Math.min(Math.max(x, 0.1), 90).toFixed(1)) }, phase);
       },
     }),
-    draw: () => drawMap(found, store.state),
+    draw: drawMap,
     parts: ["map", "point"],
   },
   {
@@ -92,12 +101,12 @@ const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[
       x: frequency,
       y: { label: "gain", unit: "dB" },
     }),
-    draw: () => drawBode(found, "magnitude_db", own),
+    draw: (found) => drawBode(found, "magnitude_db", own),
     parts: ["response"],
   },
   {
     plot: new Plot({ id: "phase", title: "Phase", x: frequency, y: { label: "phase", unit: "deg" } }),
-    draw: () => drawBode(found, "phase_deg", own),
+    draw: (found) => drawBode(found, "phase_deg", own),
     parts: ["response"],
   },
   {
@@ -111,7 +120,7 @@ const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[
         dragged({ kp: Number(x.toPrecision(3)), ki: Number(Math.max(y, 0).toPrecision(3)) }, phase);
       },
     }),
-    draw: () => drawPlane(found, store.state, controllers),
+    draw: (found, state) => drawPlane(found, state, controllers),
     parts: ["gains"],
   },
   {
@@ -121,7 +130,7 @@ const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[
       x: frequency,
       y: { label: "error", unit: "dB" },
     }),
-    draw: () => drawErrors(found, "magnitude_db"),
+    draw: (found) => drawErrors(found, "magnitude_db"),
     parts: ["models"],
   },
   {
@@ -131,7 +140,7 @@ const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[
       x: frequency,
       y: { label: "error", unit: "deg" },
     }),
-    draw: () => drawErrors(found, "phase_deg"),
+    draw: (found) => drawErrors(found, "phase_deg"),
     parts: ["models"],
   },
   {
@@ -141,7 +150,7 @@ const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[
       x: frequency,
       y: { label: "distortion", unit: "%" },
     }),
-    draw: () => drawDistortion(found),
+    draw: drawDistortion,
     parts: ["response"],
   },
   {
@@ -151,17 +160,17 @@ const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[
       x: { label: "real", unit: "rad/s" },
       y: { label: "imaginary", unit: "rad/s" },
     }),
-    draw: () => drawRoots(found),
-    parts: ["roots"],
+    draw: drawRoots,
+    parts: ["point"],
   },
   {
     plot: new Plot({ id: "speed", title: "Speed", x: seconds, y: { label: "speed", unit: "rad/s" } }),
-    draw: () => drawTime(found, store.state, "speed_rad_s"),
+    draw: (found, state) => drawTime(found, state, "speed_rad_s"),
     parts: ["loop"],
   },
   {
     plot: new Plot({ id: "throttle", title: "Throttle", x: seconds, y: { label: "throttle", unit: "deg" } }),
-    draw: () => drawTime(found, store.state, "throttle_deg"),
+    draw: (found, state) => drawTime(found, state, "throttle_deg"),
     parts: ["loop"],
   },
 ];
@@ -172,16 +181,28 @@ function dragged(patch: Partial<State>, phase: DragPhase): void {
   if (phase === "end") store.settle();
 }
 
-function redraw(): void {
-  for (const { plot, draw, parts } of plots) {
-    const broken = parts.map((name) => problemOf(found[name])).find((text) => text !== undefined);
-    const drawing = broken === undefined ? draw() : undefined;
+/** Draw what is made of something new, or all. */
+function redraw(all = false): void {
+  for (const entry of plots) {
+    const { plot, draw, parts } = entry;
+    if (!all && entry.from?.found.stand(found) && entry.from.state.stand(store.state)) continue;
+    const from = { found: new Reads(found), state: new Reads(store.state) };
+    const broken = parts.map((name) => problemOf(from.found.of[name])).find((text) => text !== undefined);
+    const drawing = broken === undefined ? draw(from.found.of, from.state.of) : undefined;
+    entry.from = drawing && from;
     if (drawing) plot.show(drawing);
     else if (broken !== undefined) plot.grey(broken);
     else if (shown) plot.grey(problemOf(within(found.response)) ?? "");
   }
   numbers.show(found);
   tellProblems();
+}
+
+function grey(reason?: string): void {
+  for (const entry of plots) {
+    entry.plot.grey(reason);
+    entry.from = undefined;
+  }
 }
 
 /** The first part of a response, found or not: of what is drawn from it alone, its problem is the reason. */
@@ -199,23 +220,20 @@ function tellProblems(): void {
   const texts = new Map<string, string>();
   const { response } = found;
   const inner = response && !isProblem(response) ? [response.exact, response.harmonic_balance] : [];
+  const swinging = [response, found.models, ...inner]; // what they have no control for is the amplitude's
   for (const one of [...Object.values(found), ...inner]) {
     if (!isProblem(one) || typeof one.problem === "string") continue;
-    const control = one.problem.control ?? "";
+    const control = one.problem.control ?? (swinging.includes(one) ? "amplitude_deg" : "");
     if (!texts.has(control)) texts.set(control, one.problem.detail);
   }
   const remark = found.validity && !isProblem(found.validity) ? found.validity.warnings[0] : undefined;
   const key = store.state.speed_rad_s === undefined ? "throttle_deg" : "speed_rad_s";
-  controls.tell(texts, new Map(remark ? [[key, `${remark}; the linear model holds no further`]] : []));
-}
-
-/** What a slow part depends on: it is asked for again only where that changed. */
-function keyOf(part: PartName, state: State): string {
-  const engine = JSON.stringify([state.engine, state.parameters, state.load_n_m]);
-  const point = JSON.stringify([engine, state.throttle_deg, state.speed_rad_s]);
-  if (part === "map" || part === "validity") return point;
-  if (part === "contours") return JSON.stringify([point, state.kd]);
-  return part === "peaks" ? JSON.stringify([point, state.amplitude_deg]) : toAddress(state);
+  const remarks = new Map(remark ? [[key, `${remark}; the linear model holds no further`]] : []);
+  const share = shareFound(responseNotes(found));
+  if (share) {
+    remarks.set("amplitude_deg", `only ${share} have an answer at this amplitude; why stands below the margins`);
+  }
+  controls.tell(texts, remarks);
 }
 
 /** What the page waits for, for whoever looks at it from outside: tests, and programs that take pictures. */
@@ -225,13 +243,24 @@ function report(view: "busy" | "drawn" | "settled"): void {
   if (view === "settled" && said.textContent !== verdict.textContent) said.textContent = verdict.textContent;
 }
 
-const slowKeys = new Map<PartName, string>();
+/** What the parts that were found were found for. */
+const keys = new Map<PartName, string>();
+const known = (part: PartName, state: State) => keys.get(part) === keyOf(part, state);
+
+/** Take in what was found; a part with a problem, and one left for later, is asked for again. */
+function take(answer: Found, parts: readonly PartName[], state: State): void {
+  for (const part of parts) {
+    if (answer[part] === undefined || isProblem(answer[part])) keys.delete(part);
+    else keys.set(part, keyOf(part, state));
+  }
+  found = { ...found, ...answer };
+}
+
 const slowFollower = new Follower<{ state: State; parts: PartName[] }, View>(
   ({ state, parts }) => fetchView(state, parts, "slow"),
   ({ parts: answer }, asked) => {
     if (!same(asked.state, store.state)) return;
-    for (const part of asked.parts) slowKeys.set(part, keyOf(part, asked.state));
-    found = { ...found, ...answer };
+    take(answer, asked.parts, asked.state);
     redraw();
     if (shown && same(shown, store.state)) report("settled");
   },
@@ -244,7 +273,7 @@ function askSlow(): void {
   resting = setTimeout(() => {
     const state = store.state;
     const hunts = found.loop && !isProblem(found.loop) && found.loop.outcome === "limit-cycle";
-    const parts = SLOW.filter((part) => slowKeys.get(part) !== keyOf(part, state) && (part !== "cycle" || hunts));
+    const parts = SLOW.filter((part) => !known(part, state) && (part !== "cycle" || hunts));
     if (parts.length > 0) slowFollower.follow({ state, parts });
     else report("settled");
   }, REST);
@@ -254,19 +283,21 @@ function askSlow(): void {
 let left: PartName[] = [];
 
 function wanted(state: State): PartName[] {
-  if (left.length > 0 && shown && same(shown, state)) return left;
-  return slowKeys.get("map") === keyOf("map", state) ? LIVE : [...LIVE, "map"];
+  const parts = ([...LIVE, "map"] as PartName[]).filter((part) => !known(part, state));
+  return parts.length > 0 ? parts : ["words"];
 }
 
-const follower = new Follower<State, View>(
-  (state) => fetchView(state, wanted(state)),
-  ({ parts: answer, later }, asked) => {
+const follower = new Follower<State, View & { asked: PartName[] }>(
+  async (state) => {
+    const parts = wanted(state);
+    return { ...(await fetchView(state, parts)), asked: parts };
+  },
+  ({ parts: answer, later, asked: parts }, asked) => {
     for (const part of SLOW) {
       // What no longer belongs to this state must not be shown with it.
-      if (slowKeys.get(part) !== keyOf(part, asked)) delete found[part];
+      if (!known(part, asked)) delete found[part];
     }
-    if (answer.map) slowKeys.set("map", keyOf("map", asked));
-    found = { ...found, ...answer };
+    take(answer, parts, asked);
     for (const part of later) delete found[part];
     left = later;
     shown = asked;
@@ -304,7 +335,7 @@ function lost(error: unknown): void {
     if (error.problem.status === 409) return;
     controls.tell(new Map([[error.problem.control ?? "", error.problem.detail]]));
     if (!controls.knows(error.problem.control ?? "")) say(error.problem.detail);
-    for (const { plot } of plots) plot.grey(error.problem.detail);
+    grey(error.problem.detail);
     verdict.textContent = "no view: see the problem at its control";
     verdict.className = "bad";
     shown = undefined;
@@ -314,7 +345,7 @@ function lost(error: unknown): void {
   if (!busy && !(error instanceof Lost)) throw error;
   attempts += 1;
   const wait = Math.min(2 ** attempts, 20);
-  for (const { plot } of plots) plot.grey();
+  grey();
   const why = busy ? error.problem.detail : "The server does not answer";
   say(`${why}; what is shown is the last it said. Trying again every ${wait} s.`);
   setTimeout(() => {
@@ -349,7 +380,7 @@ function start(): void {
       controllers = answer.controllers;
       controls.offer(answer.controllers);
       controls.engine(answer.engines, answer.parameters);
-      redraw();
+      redraw(true);
     },
     (error) => {
       if (offered === engine) offered = "";
@@ -450,7 +481,7 @@ const data = new Data(need<HTMLDialogElement>("data"), need<HTMLButtonElement>("
   send: (file, kind) => sendFile<FileAnswer>(file, kind, store.state),
   curve: (curve) => {
     own = curve;
-    redraw();
+    redraw(true);
   },
   engine: (state) => store.set(state),
   opened: (on) => looks.open("data", on),

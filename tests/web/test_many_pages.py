@@ -33,7 +33,7 @@ CHANGES: dict[str, Any] = {
     "low_deg": 1.0,
     "high_deg": 70.0,
 }
-QUICK = ("point", "response", "models", "roots", "gains", "margins", "promises", "loop", "answers")
+QUICK = ("point", "response", "models", "roots", "gains", "margins", "loop_roots", "promises", "loop", "answers")
 
 
 def test_what_a_part_is_kept_by_is_what_it_depends_on() -> None:

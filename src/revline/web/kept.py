@@ -21,7 +21,9 @@ OF_PART: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "peaks": (*POINT, "amplitude_deg"),
         "gains": (*POINT, "kd"),
         "contours": (*POINT, "kd"),
+        "validity": POINT,
         "margins": (*POINT, *GAINS),
+        "loop_roots": (*POINT, *GAINS),
         "roots": (*POINT, *GAINS, "amplitude_deg"),
         "promises": (*POINT, *GAINS, "amplitude_deg"),
     }
