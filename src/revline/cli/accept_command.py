@@ -9,7 +9,7 @@ import typer
 
 from revline import __version__
 from revline.cli.controllers import HighOption, LowOption, SetpointWeightOption, read_any_controller, surrounded
-from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, OutOption, QuietOption
+from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, OutOption, QuietOption, TimeStepOption
 from revline.cli.plots import PlotOption, check_plot, write_plot
 from revline.cli.shell import Facts, Grid, Shell
 from revline.studies.loop_runs import TimingChoice
@@ -78,6 +78,7 @@ def accept(
     command: CommandOption = 10.0,
     load_step: LoadStepOption = 5.0,
     until: UntilOption = 10.0,
+    time_step: TimeStepOption = 1e-3,
     noise: NoiseOption = 0.3,
     jitter: JitterOption = None,
     seed: SeedOption = 0,
@@ -110,19 +111,20 @@ def accept(
     plant = load_engine(engine)
     judged = _controller(controller, plant, (period, crank_angle, computation_delay), (low, high), setpoint_weight)
     shifts = _default_jitter(judged) if jitter is None else jitter
-    battery = _battery((command, load_step, until), (noise, shifts, seed), (max_overshoot, max_settling, max_droop, min_reserve))
-    asked = _with_unstable(battery) if run_unstable else battery
-    plants = {plant.name: plant, **spread_engine(plant, spread)}
+    battery = _battery((command, load_step, until, time_step), (noise, shifts, seed), (max_overshoot, max_settling, max_droop, min_reserve))
+    battery = _with_unstable(battery) if run_unstable else battery
     with shell.progress("acceptance") as progress:
-        found = accept(plants, judged, _places(throttle, load), asked, workers=workers, progress=progress)
+        plants = {plant.name: plant, **spread_engine(plant, spread)}
+        found = accept(plants, judged, _places(throttle, load), battery, workers=workers, progress=progress)
     record = acceptance_record(found, engine=plant.name, provenance={"program": f"revline {__version__}", "controller": controller.name})
     shell.write(out, format_json(record), "acceptance")
-    _draw(plot, found)
-    shell.warn(*(text for loop in found.linear for text in (loop.verdict, loop.warning) if text))
+    _tell(shell, plot, found)
     shell.show(record, *_parts(found), text_on=out)
 
 
-def _draw(plot: Path | None, found: "Acceptance") -> None:
+def _tell(shell: Shell, plot: Path | None, found: "Acceptance") -> None:
+    """Draw the runs where that is asked for, and warn of what is unusual."""
+    shell.warn(*(text for loop in found.linear for text in (loop.verdict, loop.warning) if text))
     if plot is None:
         return
     from revline.design.trials.acceptance_summary import summarise_acceptance
@@ -132,7 +134,7 @@ def _draw(plot: Path | None, found: "Acceptance") -> None:
 
 
 def _battery(
-    steps: tuple[float, float, float], disturbance: tuple[float, float, int], wishes: tuple[float, float, float | None, float]
+    steps: tuple[float, float, float, float], disturbance: tuple[float, float, int], wishes: tuple[float, float, float | None, float]
 ) -> "Battery":
     from revline.design.loops.sampled_loop import Disturbance
     from revline.design.trials.acceptance import Battery, Requirements
@@ -142,6 +144,7 @@ def _battery(
         command=steps[0],
         load=steps[1],
         until=steps[2],
+        step=steps[3],
         disturbance=Disturbance(noise=disturbance[0], jitter=disturbance[1], seed=disturbance[2]),
         requirements=wish if wishes[2] is None else replace(wish, droop=wishes[2]),
     )

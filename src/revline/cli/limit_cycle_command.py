@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption, ThrottleOption
+from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption, ThrottleOption, TimeStepOption
 from revline.cli.shell import Facts, Grid, Shell
 from revline.studies.cycle_search import find_onset_of, find_orbit, run_until_decided
 
@@ -27,6 +27,7 @@ def limit_cycle(
     until: Annotated[
         float, typer.Option("--until", metavar="S", help="Stop time of the simulation [s]; made longer where it does not decide.")
     ] = 20.0,
+    time_step: TimeStepOption = 1e-3,
     onset: Annotated[bool, typer.Option("--onset", help="Also find at which multiple of all gains hunting begins, and how.")] = False,
     engine: EngineOption = DEFAULT_ENGINE,
     out: OutOption = None,
@@ -52,7 +53,8 @@ def limit_cycle(
     plant = load_engine(engine)
     trim = find_trim(plant, inputs={"throttle": throttle, "load_torque": load})
     with shell.busy("running the loop; the first run of all compiles it, which takes some seconds"):
-        run = run_until_decided(plant, trim, file, LoopTask(command=command, until=until), name=controller.name, remedy=REMEDY)
+        task = LoopTask(command=command, until=until, step=time_step)
+        run = run_until_decided(plant, trim, file, task, name=controller.name, remedy=REMEDY)
     record, parts = dict(run_record(run)), list[Facts | Grid | str]([describe_outcome(run)])
     with shell.busy("finding the cycle"):
         orbit = find_orbit(plant, trim, run)

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from revline.cli.loop_runs import LoopOptions, run_files
-from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption
+from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption, TimeStepOption
 from revline.cli.plants import EngineChoice
 from revline.cli.shell import Facts, Shell
 from revline.studies.loop_runs import LoopResult, TimingChoice, load_step_of, loop_task
@@ -25,7 +25,6 @@ TrimOption = Annotated[
 ]
 StepOption = Annotated[float, typer.Option("--step", metavar="RAD_S", help="Step of the speed command at time 0 [rad/s].")]
 UntilOption = Annotated[float, typer.Option("--until", metavar="S", help="Stop time [s].")]
-TimeStepOption = Annotated[float, typer.Option("--time-step", metavar="S", help="Step of the simulation [s], shorter than every lag.")]
 LowOption = Annotated[
     float | None, typer.Option("--low", metavar="DEG", help="Lower limit of the throttle [deg]; else the file's, else 0 for an engine.")
 ]

@@ -24,6 +24,7 @@ EngineOption = Annotated[
 ]
 ThrottleOption = Annotated[float, typer.Option("--throttle", metavar="DEG", help="Throttle angle of the operating point [deg], 0 to 90.")]
 LoadOption = Annotated[float, typer.Option("--load", metavar="N_M", help="Load torque [N m].")]
+TimeStepOption = Annotated[float, typer.Option("--time-step", metavar="S", help="Step of the simulation [s], shorter than every lag.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object on stdout, and nothing else there.")]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no warnings on stderr.")]
 OutOption = Annotated[

@@ -1,5 +1,6 @@
 """Input signals of a run as tables that compiled code reads."""
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -53,11 +54,13 @@ def _check_signal(variable: Variable, base: float, signal: Signal, span: tuple[f
 
 
 def check_resolved(signals: Mapping[str, Signal], step: float) -> None:
-    """Refuse sinusoids too fast for a step: sampled so coarsely, they would pass for slower ones.
+    """Refuse a step that is none, and sinusoids too fast for it: sampled so coarsely, they would pass for slower ones.
 
     Raises:
-        InvalidInputError: one turns by more than `LARGEST_TURN` in a step; the message says which step would do.
+        InvalidInputError: the step is not above 0, or a sinusoid turns by more than `LARGEST_TURN` in it; the message says which would do.
     """
+    if not (math.isfinite(step) and step > 0.0):
+        raise out_of_range("step", step, "s", "values above 0", "give a step such as 0.001")
     for name, signal in signals.items():
         for term in signal.terms:
             if term.kind is TermKind.SINE and term.first * step > LARGEST_TURN:

@@ -104,8 +104,6 @@ def simulate(
         StoppedError: `options.stopped` said so; the error holds the run until then.
     """
     options = options or Options()
-    if not (math.isfinite(step) and step > 0.0):
-        raise out_of_range("step", step, "s", "values above 0", "give a step such as 0.001")
     check_resolved(signals, step)
     as_floats(system.parameters, system.name)
     run = new_run(system, start, step, options.every)
