@@ -54,8 +54,8 @@ def test_an_integrator_with_delay_has_its_closed_form() -> None:
     assert np.all(found.omega[found.rim] <= math.pi / 0.8 * (1.0 + 1e-12))
 
 
-def test_the_window_chosen_holds_all_gains_of_a_slow_plant() -> None:
-    """K exp(-s L)/s: kp ends at pi/(2 K L), ki at x^2 cos x/(K L^2) where x tan x = 2: far beyond a loop gain of a hundred at 1 rad/s."""
+def test_the_window_chosen_holds_all_gains_of_an_integrator() -> None:
+    """K exp(-s L)/s: kp ends at pi/(2 K L), ki at x^2 cos x/(K L^2) where x tan x = 2: far beyond its gain at 1 rad/s."""
     gain, delay = 12.0, 0.01
     plant = TransferFunction(numerator=(gain,), denominator=(0.0, 1.0), delay=delay, input_unit="deg", output_unit="rad/s")
     region = find_gain_region(family_of_model(plant, kd=0.0, name="integrator"))
@@ -63,6 +63,17 @@ def test_the_window_chosen_holds_all_gains_of_a_slow_plant() -> None:
     assert region.bounded
     assert region.kp_ends()[-1][1] == pytest.approx(math.pi / (2.0 * gain * delay), rel=1e-9)
     assert np.max(region.ki[region.rim]) == pytest.approx(x * x * math.cos(x) / (gain * delay**2), rel=1e-3)
+
+
+def test_a_plant_a_thousand_times_slower_has_the_same_gains_with_time_counted_so() -> None:
+    quick, slow = (
+        find_gain_region(family_of_model(TransferFunction(numerator=(12.0,), denominator=(1.0, 0.6 * scale), delay=0.05 * scale)))
+        for scale in (1.0, 1e3)
+    )
+    assert quick.bounded
+    assert slow.bounded
+    assert slow.kp_ends()[0] == pytest.approx(quick.kp_ends()[0], rel=1e-9)
+    assert 1e3 * np.max(slow.ki[slow.rim]) == pytest.approx(np.max(quick.ki[quick.rim]), rel=1e-3)
 
 
 def test_two_lags_have_rouths_line() -> None:

@@ -32,6 +32,14 @@ def engine_model(request: pytest.FixtureRequest) -> tuple[float, DelayStateSpace
     return request.param, linearize(engine, find_trim(engine, inputs={"throttle": request.param})).model
 
 
+def test_a_slow_loop_with_integral_action_follows_at_rest() -> None:
+    """Cancelling a lag of 600 s leaves exp(-50 s)/(650 s): with no peak above it, the closed loop's largest gain is that at rest, 1."""
+    plant = TransferFunction(numerator=(12.0,), denominator=(1.0, 600.0), delay=50.0)
+    found = find_margins(open_loop_of_model(plant, pid(600.0 / 12.0 / 650.0, 1.0 / 12.0 / 650.0)))
+    assert found.complementary.value == pytest.approx(1.0, abs=1e-5)
+    assert found.gain_crossovers[0].frequency == pytest.approx(1.0 / 650.0, rel=1e-6)
+
+
 @pytest.mark.parametrize(("gain", "delay"), [(1.0, 0.3), (0.2, 5.0), (40.0, 0.01)])
 def test_an_integrator_with_delay_has_its_closed_forms(gain: float, delay: float) -> None:
     """L = K exp(-s tau)/s: crosses 1 at K with 90 deg - K tau, and -180 deg at (4 k + 1) pi/(2 tau) with pi (4 k + 1)/(2 K tau)."""

@@ -27,6 +27,9 @@ LOW = 1e-3
 WIDER = (10.0, 100.0)
 """Where the gains sought go on beyond a loop gain of about a hundred, an end of them is looked for up to so many times that."""
 
+NARROWER = (1.0, 0.1, 0.01, 0.001)
+"""A slow plant's curve turns too fast to be followed that far: then so many times as far is looked."""
+
 COLUMNS = 2049
 """Values of kp at which the height of a region is taken for its area."""
 
@@ -164,16 +167,26 @@ def find_window(family: LoopFamily) -> Window:
 def _in_chosen_window(family: LoopFamily, low: float) -> GainRegion:
     sizes = np.abs([family.at_rest, *family.inverse(np.array([1j]))])
     reach = 100.0 * max(float(sizes[0]), 0.1 * float(sizes[1]))
-    found = first = _in_widest_window(family, reach, low)
+    found = first = _in_widest_converging(family, reach, low)
     for wider in WIDER:  # a slow plant's gains end far beyond those of its rest
         if found.bounded:
             break
         try:
-            found = _in_widest_window(family, wider * reach, low)
+            found = _in_widest_window(family, wider * first.reach[0], low)
         except NotConvergedError:
             break
     found = found if found.bounded else first
     return _in_window(family, _narrowed(found, found.reach[0]), found.curve, found.reach)
+
+
+def _in_widest_converging(family: LoopFamily, reach: float, low: float) -> GainRegion:
+    """Look up to a reach, or less far where a long delay turns the curve too fast to be followed there."""
+    for narrower in NARROWER:
+        try:
+            return _in_widest_window(family, narrower * reach, low)
+        except NotConvergedError:
+            continue
+    return _in_widest_window(family, reach, low)
 
 
 def _in_widest_window(family: LoopFamily, reach: float, low: float) -> GainRegion:

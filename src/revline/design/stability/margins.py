@@ -25,6 +25,9 @@ Complexes = NDArray[np.complex128]
 FLOOR = 1e-3
 """Where the magnitude stays below this, crossings of the phase are not looked for: the gain may rise 1000 times."""
 
+LARGE = 1e3
+"""A loop gain from which the loop follows its command: the complementary sensitivity is 1 there to a thousandth."""
+
 LOWEST = 1e-12
 """Lowest frequency to which the search is extended, in rad/s."""
 
@@ -144,7 +147,7 @@ def find_margins(loop: OpenLoop, *, low: float = 1e-3) -> Margins:
 
     Args:
         loop: from `open_loop_of_model` or `open_loop_of_system`.
-        low: lowest frequency looked at, in rad/s; lowered where the loop gain is below 1 there and still rises towards lower ones.
+        low: lowest frequency looked at, in rad/s; lowered where the loop gain is not large there and still rises towards lower ones.
 
     Raises:
         InvalidInputError: the frequency is not above 0, or the loop is none, or improper: its gain does not fall at high frequency.
@@ -192,10 +195,10 @@ def _at(loop: OpenLoop, omega: float) -> complex:
 
 
 def _bottom(loop: OpenLoop, low: float) -> float:
-    """Lower a frequency until the loop gain is above 1 there, or falls no more towards it: slow integral action crosses 1 far below."""
+    """Lower a frequency until the loop gain is large there, or rises no more towards it: a slow loop crosses 1, and follows, far below."""
     while low > LOWEST:
         here, below = abs(_at(loop, low)), abs(_at(loop, 0.1 * low))
-        if here > 1.0 or below < 2.0 * here:
+        if here > LARGE or below < 2.0 * here:
             break
         low *= 0.1
     return low
