@@ -10,7 +10,7 @@ import pytest
 from revline import signals
 from revline.analysis.trim import find_trim
 from revline.design.controllers.controller import PidGains
-from revline.design.controllers.pid_controller import AntiWindup, PidController
+from revline.design.controllers.pid_controller import AntiWindup, Continuous, PidController
 from revline.design.loops.closed_loop import run_loop
 from revline.design.loops.load_response import LoadStep, measure_load_response
 from revline.design.loops.loop_run import Limits, LoopTask, describe_form
@@ -195,3 +195,6 @@ def test_the_form_says_what_was_run() -> None:
         assert part in text
     followed = replace(full, anti_windup=AntiWindup.BACK_CALCULATION, tracking_time=0.3)
     assert "anti-windup by back-calculation over 0.3 s" in describe_form(followed)
+    without = replace(full, anti_windup=AntiWindup.NONE, low=0.0)
+    assert "no anti-windup but that the integral stays where the output can follow it" in describe_form(without)
+    assert "no anti-windup; errors" in describe_form(replace(without, sampling=Continuous()))

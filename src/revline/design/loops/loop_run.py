@@ -27,6 +27,9 @@ FORM = (
 )
 """The form of every closed loop with gains alone; other forms give other numbers."""
 
+KEPT = " but that the integral stays where the output can follow it"
+"""What a sampled controller does with limits in any case."""
+
 
 def describe_form(controller: PidController) -> str:
     """Say in words which law a loop ran."""
@@ -37,13 +40,12 @@ def describe_form(controller: PidController) -> str:
     derivative = f"kd s/({tf:g} s + 1) ({weighted})" if tf > 0.0 else f"kd d({weighted})/dt"
     proportional = "kp e" if b == 1.0 else f"kp ({b:g} r - y)"
     followed = f" over {controller.tracking_time:g} s" if controller.tracking_time is not None else ""
-    none = controller.anti_windup is AntiWindup.NONE
+    windup = f"anti-windup by {controller.anti_windup.value}{followed}"
+    if controller.anti_windup is AntiWindup.NONE:
+        free = isinstance(controller.sampling, Continuous) or (math.isinf(controller.low) and math.isinf(controller.high))
+        windup = "no anti-windup" if free else f"no anti-windup{KEPT}"
     parts = [f"u = trim + {proportional} + ki integral of e + {derivative}", *_describe_sampling(controller)]
-    parts += [
-        "integral from 0",
-        "true step command",
-        "no anti-windup" if none else f"anti-windup by {controller.anti_windup.value}{followed}",
-    ]
+    parts += ["integral from 0", "true step command", windup]
     parts += [f"errors within {controller.dead_zone:g} {unit} count as none"] if controller.dead_zone > 0.0 else []
     return "; ".join(parts)
 
