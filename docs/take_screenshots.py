@@ -19,6 +19,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 SETTLED: Final = "html[data-view=settled]"
 SCREEN: Final = (1280, 720)
 TABLET: Final = (820, 1180)
+TABLET_WIDE: Final = (1024, 768)
 
 
 @contextlib.contextmanager
@@ -76,8 +77,16 @@ def show_jobs(page: Page) -> None:
 SCENES: Final[tuple[tuple[str, tuple[int, int], str, bool, Callable[[Page], None] | None], ...]] = (
     ("default", SCREEN, "", False, None),
     ("hunting", SCREEN, "#v=1&kp=2.153&ki=16.85&kd=0&command_rad_s=60", False, None),
+    ("hunting-dark", SCREEN, "#v=1&kp=2.153&ki=16.85&kd=0&command_rad_s=60&errors=distortion", True, None),
+    ("load-step", SCREEN, "#v=1&step=load&load_step_n_m=10", False, None),
+    ("throttle-step", SCREEN, "#v=1&step=throttle&low_deg=5&high_deg=60", False, None),
+    ("no-control", SCREEN, "#v=1&kp=0&ki=0&kd=0", False, None),
+    ("saturated", SCREEN, "#v=1&throttle_deg=85&amplitude_deg=8", False, None),
+    ("limit-near-by", SCREEN, "#v=1&throttle_deg=79.4", False, None),
+    ("engine", SCREEN, "#v=1&open=engine&parameters.rotation.inertia=0.2", False, None),
     ("dark", SCREEN, "", True, None),
     ("tablet", TABLET, "", False, None),
+    ("tablet-wide", TABLET_WIDE, "", True, None),
     ("problem", SCREEN, "#v=1&throttle_deg=25&load_n_m=500", False, None),
     ("tour", SCREEN, "", False, take_tour),
     ("own-data", SCREEN, "", False, show_own_data),

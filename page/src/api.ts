@@ -28,7 +28,7 @@ export interface Promise_ {
   gain_margin_db?: number;
   phase_margin_deg?: number;
   delay_margin_s?: number;
-  ms: number;
+  ms?: number;
 }
 
 type OrProblem<T> = T | { problem: Problem | string };
@@ -43,9 +43,13 @@ export interface Parts {
     pressure_kpa: number;
     stable: boolean;
     gain_rad_s_per_deg: number;
+    rightmost_roots_rad_s: Pair[];
     lags_s: Record<string, number>;
   }>;
-  response: OrProblem<{ exact: Curve; harmonic_balance: OrProblem<Curve & { distortion: number[]; notes: string[] }> }>;
+  response: OrProblem<{
+    exact: OrProblem<Curve>;
+    harmonic_balance: OrProblem<Curve & { distortion: number[]; notes: string[] }>;
+  }>;
   models: OrProblem<
     Record<
       string,
@@ -69,13 +73,15 @@ export interface Parts {
   }>;
   margins: OrProblem<
     Promise_ & {
+      no_control?: boolean;
       gain_crossovers: { frequency_rad_s: number; phase_margin_deg: number }[];
       gain_reduction_margin_db?: number;
       mt: number;
       disk_margin: number;
     }
   >;
-  promises: PerModel<Promise_>;
+  loop_roots: OrProblem<{ roots_rad_s: Pair[] }>;
+  promises: OrProblem<PerModel<Promise_>>;
   loop: OrProblem<
     Trace & {
       outcome?: string;
@@ -90,11 +96,12 @@ export interface Parts {
       limit_cycle?: { low_rad_s: number; high_rad_s: number; period_s: number };
     }
   >;
-  answers: PerModel<Trace>;
+  answers: OrProblem<PerModel<Trace>>;
   map: OrProblem<{
     throttle_deg: number[];
     speed_rad_s: number[];
     stable: boolean[];
+    no_line?: string;
     line?: {
       low_deg: number;
       high_deg: number;
@@ -104,8 +111,9 @@ export interface Parts {
     };
   }>;
   contours: OrProblem<{ contours: { ms: number; pieces?: { kp: number[]; ki: number[] }[]; none?: string }[] }>;
-  peaks: OrProblem<Curve & { distortion: number[] }>;
+  peaks: OrProblem<Curve & { distortion: number[]; missing?: string }>;
   cycle: OrProblem<Record<string, unknown>>;
+  validity: OrProblem<{ warnings: string[] }>;
   words: { verdict: string; lines: string[] };
 }
 
@@ -133,6 +141,7 @@ export const LIVE: PartName[] = [
   "roots",
   "gains",
   "margins",
+  "loop_roots",
   "promises",
   "loop",
   "answers",
@@ -148,10 +157,17 @@ export class Refused extends Error {
 
 const CLIENT = Array.from(crypto.getRandomValues(new Uint8Array(9)), (n) => n.toString(36)).join("");
 
-/** Ask for parts of a view. */
-export async function fetchView(state: State, parts: PartName[], client = CLIENT): Promise<Found> {
-  const answer = await post("/api/v1/view", { state, parts }, client);
-  return ((await answer.json()) as { parts: Found }).parts;
+/** Parts of a view, and the names of those that the server left for later because many ask at once. */
+export interface View {
+  parts: Found;
+  later: PartName[];
+}
+
+/** Ask for parts of a view; `line` names what the newest of displaces what waits, on this page alone. */
+export async function fetchView(state: State, parts: PartName[], line = ""): Promise<View> {
+  const answer = await post("/api/v1/view", { state, parts, whole: false }, CLIENT + line);
+  const { parts: found, later = [] } = (await answer.json()) as { parts: Found; later?: PartName[] };
+  return { parts: found, later };
 }
 
 /** Ask for a text, such as a study file. */

@@ -1,6 +1,7 @@
 /** The controls: numbers with sliders, choices, presets and the engine's parameters; a problem stands at the control that caused it. */
 
 import type { Named } from "./drawings";
+import { limitsRow } from "./limits";
 import { DEFAULTS, type NumberKey, type State, type StepKind } from "./state";
 import type { Store } from "./store";
 
@@ -91,6 +92,17 @@ export function fromPosition(position: number, spec: Pick<Spec, "low" | "high" |
   return Number((Math.round(value / spec.step) * spec.step).toPrecision(12));
 }
 
+const ENGINES: Record<string, string> = {
+  lee1995: "Lee (1995)",
+  "lee1995-generic": "generic efficiency",
+};
+
+/** A value some steps further: by the control's step, or where its way is divided by powers of ten by a hundredth of its size. */
+export function stepped(value: number, steps: number, spec: Pick<Spec, "step" | "least">): number {
+  const size = spec.least ? 10 ** Math.floor(Math.log10(Math.max(Math.abs(value), 10 * spec.least)) - 1) : spec.step;
+  return Number((value + steps * size).toPrecision(6));
+}
+
 export interface Parameter {
   key: string;
   section: string;
@@ -123,6 +135,9 @@ export class Controls {
     const gains = this.group("Controller");
     gains.append(this.presets());
     for (const spec of GAINS) gains.append(this.number(spec));
+    const limits = limitsRow(store, (key) => this.fault(key));
+    gains.append(limits.element);
+    this.rows.push({ element: limits.element, update: (state) => limits.update(state, this.ownLimit(state)) });
     const step = this.group("Step at time 0");
     step.append(this.kinds());
     for (const spec of STEP) step.append(this.number(spec));
@@ -132,19 +147,30 @@ export class Controls {
   /** The operating point found last. */
   point: { throttle_deg: number; speed_rad_s: number } | undefined;
   private readonly presetBox = document.createElement("p");
+  /** The engine's parameters, which can be opened and closed. */
+  readonly engineBox = document.createElement("details");
+  private engineRows: Row[] = [];
+  private saturation: Parameter | undefined;
 
   update(state: State): void {
-    for (const row of this.rows) row.update(state);
+    for (const row of [...this.rows, ...this.engineRows]) row.update(state);
   }
 
-  /** Put problems at the controls that caused them; an empty key is no control's. */
-  tell(problems: ReadonlyMap<string, string>): void {
+  /** Where the engine itself limits its throttle, in deg. */
+  private ownLimit(state: State): number | undefined {
+    return this.saturation && (state.parameters[this.saturation.key] ?? this.saturation.value);
+  }
+
+  /** Put problems at the controls that caused them, and remarks where there is no problem; an empty key is no control's. */
+  tell(problems: ReadonlyMap<string, string>, remarks: ReadonlyMap<string, string> = new Map()): void {
     for (const [key, element] of this.faults) {
-      const text = problems.get(key) ?? "";
+      const problem = problems.get(key) ?? "";
+      const text = problem || (remarks.get(key) ?? "");
       if (element.textContent !== text) element.textContent = text;
       element.hidden = text === "";
+      element.classList.toggle("remark", problem === "");
       const input = document.getElementById(`${key}-number`);
-      if (text) input?.setAttribute("aria-invalid", "true");
+      if (problem) input?.setAttribute("aria-invalid", "true");
       else input?.removeAttribute("aria-invalid");
     }
   }
@@ -166,8 +192,11 @@ export class Controls {
     );
   }
 
-  engine(parameters: readonly Parameter[]): void {
-    const box = document.createElement("details");
+  /** Offer the engines and the parameters of the one shown. */
+  engine(names: readonly string[], parameters: readonly Parameter[]): void {
+    const box = this.engineBox;
+    this.engineRows = [];
+    this.saturation = parameters.find(({ name }) => name === "saturation angle");
     const title = document.createElement("summary");
     title.textContent = "Engine";
     const count = document.createElement("span");
@@ -177,7 +206,7 @@ export class Controls {
     reset.type = "button";
     reset.textContent = "Reset the engine";
     reset.addEventListener("click", () => this.store.set({ parameters: {} }));
-    box.append(title, reset);
+    box.replaceChildren(title, this.engines(names), reset);
     let section = "";
     for (const parameter of parameters) {
       if (parameter.section !== section) {
@@ -188,16 +217,36 @@ export class Controls {
       }
       box.append(this.parameter(parameter));
     }
-    this.rows.push({
+    this.engineRows.push({
       element: box,
       update: (state) => {
         const changed = Object.keys(state.parameters).length;
-        count.textContent = changed ? `${changed} changed` : "as published";
+        const which = state.engine === DEFAULTS.engine ? "" : `${ENGINES[state.engine] ?? state.engine}, `;
+        count.textContent = which + (changed ? `${changed} changed` : "as published");
         reset.hidden = changed === 0;
       },
     });
-    this.form.append(box);
+    if (!box.isConnected) this.form.append(box);
     this.update(this.store.state);
+  }
+
+  private engines(names: readonly string[]): HTMLElement {
+    const row = document.createElement("p");
+    row.className = "kinds";
+    const label = document.createElement("label");
+    const select = document.createElement("select");
+    select.id = "engine-choice";
+    for (const name of names) select.append(new Option(ENGINES[name] ?? name, name));
+    select.addEventListener("change", () => this.store.set({ engine: select.value, parameters: {} }));
+    label.append("Built-in ", select);
+    row.append(label);
+    this.engineRows.push({
+      element: row,
+      update: (state) => {
+        select.value = state.engine;
+      },
+    });
+    return row;
   }
 
   private group(title: string): HTMLElement {
@@ -218,7 +267,7 @@ export class Controls {
     slider.max = String(POSITIONS);
     slider.addEventListener("input", () => set(fromPosition(slider.valueAsNumber, spec), false));
     slider.addEventListener("change", () => this.store.settle());
-    field.step = "any";
+    stepByKeys(field, (steps) => set(stepped(this.store.state[spec.key] ?? 0, steps, spec), true));
     field.addEventListener("change", () => {
       if (Number.isFinite(field.valueAsNumber)) set(field.valueAsNumber, true);
       else this.update(this.store.state);
@@ -252,7 +301,10 @@ export class Controls {
       set(Number(value.toPrecision(4)), false);
     });
     slider.addEventListener("change", () => this.store.settle());
-    field.step = "any";
+    stepByKeys(field, (steps) => {
+      const value = this.store.state.parameters[parameter.key] ?? parameter.value;
+      set(Number((value + (5 * steps * span) / POSITIONS).toPrecision(6)), true);
+    });
     field.addEventListener("change", () => {
       if (Number.isFinite(field.valueAsNumber)) set(field.valueAsNumber, true);
       else this.update(this.store.state);
@@ -272,8 +324,18 @@ export class Controls {
       row.classList.toggle("changed", changed);
       reset.hidden = !changed;
     };
-    this.rows.push({ element: row, update });
+    this.engineRows.push({ element: row, update });
     return row;
+  }
+
+  private fault(key: string): HTMLElement {
+    const fault = document.createElement("p");
+    fault.id = `${key}-fault`;
+    fault.className = "fault";
+    fault.setAttribute("role", "alert");
+    fault.hidden = true;
+    this.faults.set(key, fault);
+    return fault;
   }
 
   private pair(key: string, label: string, unit: string) {
@@ -284,6 +346,7 @@ export class Controls {
     text.textContent = label;
     const units = document.createElement("span");
     units.className = "unit";
+    units.id = `${key}-unit`;
     units.textContent = unit === "1" ? "" : unit;
     const slider = document.createElement("input");
     slider.type = "range";
@@ -292,15 +355,11 @@ export class Controls {
     slider.setAttribute("aria-label", `${label}, slider`);
     const field = document.createElement("input");
     field.type = "number";
+    field.step = "any";
+    watchTyping(field);
     field.id = `${key}-number`;
-    field.setAttribute("aria-describedby", `${key}-fault`);
-    const fault = document.createElement("p");
-    fault.id = `${key}-fault`;
-    fault.className = "fault";
-    fault.setAttribute("role", "alert");
-    fault.hidden = true;
-    this.faults.set(key, fault);
-    row.append(text, field, units, slider, fault);
+    field.setAttribute("aria-describedby", `${key}-unit ${key}-fault`);
+    row.append(text, field, units, slider, this.fault(key));
     return { row, slider, field };
   }
 
@@ -368,7 +427,29 @@ export class Controls {
   }
 }
 
+/** Show a value in a field, but never in place of what is being typed. */
 function show(input: HTMLInputElement, text: string): void {
-  if (input.value !== text && document.activeElement !== input) input.value = text;
-  else if (input.type === "range" && input.value !== text) input.value = text;
+  if (input.value !== text && !input.dataset.typing) input.value = text;
+}
+
+/** Note while something is typed, until it is taken or left. */
+function watchTyping(field: HTMLInputElement): void {
+  field.addEventListener("input", () => {
+    field.dataset.typing = "yes";
+  });
+  for (const end of ["change", "blur"]) {
+    field.addEventListener(end, () => {
+      delete field.dataset.typing;
+    });
+  }
+}
+
+/** Let the arrow keys move a field as they move its slider: by the same small share of the way, ten times as much with Shift. */
+function stepByKeys(field: HTMLInputElement, next: (steps: number) => void): void {
+  field.addEventListener("keydown", (event) => {
+    if (event.key !== "ArrowUp" && event.key !== "ArrowDown") return;
+    event.preventDefault();
+    delete field.dataset.typing;
+    next((event.key === "ArrowUp" ? 1 : -1) * (event.shiftKey ? 10 : 1));
+  });
 }

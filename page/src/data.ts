@@ -1,7 +1,8 @@
 /** A user's own files: a frequency response, a recorded log or an engine; checked by the server, shown here, kept nowhere. */
 
 import { type Curve, isProblem, Lost, type Problem, Refused } from "./api";
-import { COLORS, NAMES } from "./drawings";
+import { COLORS } from "./colors";
+import { NAMES } from "./drawings";
 import { showNumber } from "./export";
 import { element } from "./parts";
 import { type Line, Plot } from "./plot";
@@ -63,6 +64,7 @@ export interface DataCalls {
   send: (file: File, kind: FileKind) => Promise<FileAnswer>;
   curve: (curve: Curve | undefined) => void;
   engine: (state: Partial<State>) => void;
+  opened: (on: boolean) => void;
 }
 
 const LARGEST = 5_000_000;
@@ -155,11 +157,14 @@ export class Data {
     });
     panel.append(title, text, row, this.told, this.shown);
     panel.setAttribute("aria-labelledby", "data-title");
-    opener.addEventListener("click", () => (panel.open ? panel.close() : panel.show()));
+    opener.addEventListener("click", () => (panel.open ? panel.close() : this.open()));
     panel.addEventListener("keydown", (event) => {
       if (event.key === "Escape") panel.close();
     });
-    panel.addEventListener("close", () => opener.focus());
+    panel.addEventListener("close", () => {
+      opener.focus();
+      calls.opened(false);
+    });
     document.addEventListener("dragover", (event) => event.preventDefault());
     document.addEventListener("drop", (event) => {
       event.preventDefault();
@@ -168,8 +173,13 @@ export class Data {
     });
   }
 
-  private async take(file: File): Promise<void> {
+  open(): void {
     if (!this.panel.open) this.panel.show();
+    this.calls.opened(true);
+  }
+
+  private async take(file: File): Promise<void> {
+    this.open();
     this.told.textContent = "";
     if (file.size > LARGEST) {
       this.told.textContent = `${file.name} has ${(file.size / 1e6).toFixed(1)} MB; give 5 MB at most.`;
@@ -195,7 +205,7 @@ export class Data {
     if (answer.kind === "response") this.calls.curve(answer.response);
     if (answer.kind === "engine") this.calls.engine(answer.state);
     if (answer.kind === "log") {
-      if (!isProblem(answer.response)) this.calls.curve(answer.response as Curve);
+      this.calls.curve(isProblem(answer.response) ? undefined : (answer.response as Curve));
       this.shown.append(logPlot(answer));
     }
     this.shown.append(list);
@@ -218,7 +228,7 @@ function logPlot(answer: LogAnswer): HTMLElement {
   add("exact", COLORS.exact, answer.exact, [9, 3]);
   add("engine", COLORS.engine, answer.engine);
   const { time_s: x, speed_rad_s: y } = answer.log;
-  lines.push({ label: "recorded", color: COLORS.mark, x, y, width: 2.2 });
+  lines.push({ label: "recorded", color: COLORS.own, x, y, width: 2.2 });
   const low = Math.min(...y);
   const high = Math.max(...y);
   const room = Math.max(1, 0.15 * (high - low));

@@ -1,19 +1,10 @@
 /** What each plot draws of a view. */
 
 import { type Curve, type Found, isProblem, type Pair } from "./api";
+import { COLORS } from "./colors";
+import { responseNotes, shareFound } from "./notes";
 import type { Drawing, Line } from "./plot";
 import type { State } from "./state";
-
-export const COLORS = {
-  exact: "#0072b2",
-  balance: "#56b4e9",
-  peaks: "#cc79a7",
-  engine: "#7a5cc0",
-  g1: "#c28a00",
-  g2: "#d55e00",
-  g2d: "#009e73",
-  mark: "#e0338c",
-} as const;
 
 export const NAMES: Record<string, string> = { g1: "1st order", g2: "2nd order", g2d: "2nd order + delay" };
 const MODELS = ["g1", "g2", "g2d"] as const;
@@ -44,17 +35,24 @@ function model(name: string, x: readonly number[], y: readonly number[]): Line {
 export function drawMap(found: Found, state: State): Drawing | undefined {
   const map = whole(found.map);
   if (!map) return undefined;
-  const lines: Line[] = [{ label: "steady speed", color: COLORS.engine, x: map.throttle_deg, y: map.speed_rad_s }];
+  const lines: Line[] = [];
   const unstable = map.throttle_deg.map((_, k) => (map.stable[k] ? Number.NaN : (map.speed_rad_s[k] ?? Number.NaN)));
-  if (map.stable.includes(false)) {
-    lines.push({ label: "unstable", color: COLORS.g2, x: map.throttle_deg, y: unstable, marker: "cross" });
-  }
   let summary = `steady speed from ${map.throttle_deg[0]} to ${map.throttle_deg.at(-1)} deg`;
   if (map.line) {
     const { low_deg: low, high_deg: high, slope_rad_s_per_deg: slope, intercept_rad_s: start } = map.line;
     const ends = [low, high];
-    lines.push({ label: "linear range", color: COLORS.g2d, x: ends, y: ends.map((a) => start + slope * a), width: 4 });
+    lines.push({
+      label: "linear range",
+      color: COLORS.range,
+      x: ends,
+      y: ends.map((a) => start + slope * a),
+      width: 7,
+    });
     summary += `; a straight line holds from ${low.toFixed(1)} to ${high.toFixed(1)} deg`;
+  }
+  lines.push({ label: "steady speed", color: COLORS.engine, x: map.throttle_deg, y: map.speed_rad_s });
+  if (map.stable.includes(false)) {
+    lines.push({ label: "unstable", color: COLORS.unstable, x: map.throttle_deg, y: unstable, marker: "cross" });
   }
   const point = whole(found.point);
   if (point) {
@@ -76,13 +74,14 @@ export function drawMap(found: Found, state: State): Drawing | undefined {
     });
     summary += `; operating point ${point.throttle_deg.toFixed(2)} deg, ${point.speed_rad_s.toFixed(1)} rad/s`;
   }
+  if (map.no_line) summary += "; no straight line holds about it";
   return { lines, x: [0, 90], y: [0, rangeOf(map.speed_rad_s, 10)[1]], summary };
 }
 
 export function drawBode(found: Found, which: "magnitude_db" | "phase_deg", own?: Curve): Drawing | undefined {
   const response = whole(found.response);
   if (!response) return undefined;
-  const { exact } = response;
+  const exact = whole(response.exact);
   const lines: Line[] = [];
   const balance = whole(response.harmonic_balance);
   const models = whole(found.models);
@@ -92,7 +91,15 @@ export function drawBode(found: Found, which: "magnitude_db" | "phase_deg", own?
     const curve = models?.[name]?.curve;
     if (curve) lines.push(model(name, curve.frequency_rad_s, curve[which]));
   }
-  lines.push({ label: "exact, small signals", color: COLORS.exact, x: exact.frequency_rad_s, y: exact[which] });
+  if (exact) {
+    lines.push({
+      label: "exact, small signals",
+      legend: "exact",
+      color: COLORS.exact,
+      x: exact.frequency_rad_s,
+      y: exact[which],
+    });
+  }
   if (balance) {
     const { frequency_rad_s: w } = balance;
     lines.push({
@@ -116,14 +123,18 @@ export function drawBode(found: Found, which: "magnitude_db" | "phase_deg", own?
   }
   if (own) {
     const { frequency_rad_s: w } = own;
-    lines.push({ label: "own data", color: COLORS.mark, x: w, y: own[which], marker: "dot", width: 3 });
+    lines.push({ label: "own data", color: COLORS.own, x: w, y: own[which], marker: "dot", width: 3 });
   }
-  const y = which === "phase_deg" ? ([-450, 10] as [number, number]) : rangeOf(exact[which], 20);
+  if (!exact && !balance && !own) return undefined;
+  const values = [...(exact?.[which] ?? []), ...(balance?.[which] ?? []), ...(own?.[which] ?? [])];
+  const y = which === "phase_deg" ? ([-450, 10] as [number, number]) : rangeOf(values, 20);
+  const share = shareFound(responseNotes(found));
   return {
     lines,
     x,
     y,
-    summary: `exact response and ${Object.keys(models ?? {}).length} models from 0.1 to 200 rad/s`,
+    ...(share ? { note: `only ${share} found, the models fitted to them` } : {}),
+    summary: `${exact ? "exact response and " : ""}${Object.keys(models ?? {}).length} models from 0.1 to 200 rad/s`,
   };
 }
 
@@ -158,43 +169,73 @@ export function drawDistortion(found: Found): Drawing | undefined {
     const read = peaks.distortion.map((share) => 100 * share);
     lines.push({ label: "peaks", color: COLORS.peaks, x: peaks.frequency_rad_s, y: read, marker: "cross", width: 3 });
   }
-  return { lines, x: [0.1, 200], y: [0, Math.max(0.1, 1.1 * most)], summary: `at most ${most.toFixed(2)} %` };
+  return {
+    lines,
+    x: [0.1, 200],
+    y: [0, Math.max(0.1, 1.1 * most)],
+    summary: `harmonics at most ${most.toFixed(2)} % of the fundamental`,
+  };
 }
 
 export function drawRoots(found: Found): Drawing | undefined {
-  const roots = whole(found.roots);
-  if (!roots) return undefined;
+  const models = whole(found.roots)?.models ?? {};
+  const plant = whole(found.roots)?.plant ?? whole(found.point)?.rightmost_roots_rad_s;
+  if (!plant) return undefined;
   const split = (pairs: readonly Pair[]) => ({ x: pairs.map((p) => p[0]), y: pairs.map((p) => p[1]) });
-  const lines: Line[] = [
-    { label: "engine, exact", color: COLORS.exact, ...split(roots.plant), marker: "cross", width: 3.5 },
-  ];
-  const shown: Pair[] = roots.plant.slice(0, 2);
-  for (const name of MODELS) {
-    const entry = roots.models[name];
-    if (!entry) continue;
-    lines.push({ label: NAMES[name] ?? name, color: COLORS[name], ...split(entry.poles), marker: "cross", width: 3 });
-    shown.push(...entry.poles);
-    if (entry.closed) {
-      lines.push({
-        label: `${NAMES[name]}, closed`,
-        color: COLORS[name],
-        ...split(entry.closed),
-        marker: "ring",
-        width: 3,
-      });
-      shown.push(...entry.closed.slice(0, 4));
-    }
-  }
-  const x = rangeOf([...shown.map((p) => p[0]), 5], 40);
-  const high = Math.max(30, ...shown.map((p) => Math.abs(p[1]))) * 1.15;
-  lines.push({ label: "", color: "#888888", x: [0, 0], y: [-high, high], width: 1 });
-  const first = roots.plant[0];
-  return {
-    lines,
-    x,
-    y: [-high, high],
-    summary: first ? `right-most root of the engine ${first[0].toFixed(2)} rad/s` : "no roots",
+  const lines: Line[] = [];
+  const slow = plant.slice(0, 2).filter((root, k) => k === 0 || Math.hypot(...root) < 200);
+  const reach = REACH * Math.max(20, ...slow.map((root) => Math.hypot(...root)));
+  const seen: Pair[] = [...slow];
+  const add = (name: string, color: string, alone: readonly Pair[], closed: readonly Pair[] | undefined) => {
+    lines.push({
+      label: name,
+      color,
+      ...split(alone),
+      marker: "cross",
+      width: 3.2,
+      ...(closed ? { key: "both" } : {}),
+    });
+    if (!closed) return;
+    lines.push({ label: `${name}, loop`, color, ...split(closed), marker: "ring", width: 3.2, quiet: true });
+    seen.push(...closed.filter((root, k) => k < 2 || Math.hypot(...root) < reach));
   };
+  for (const name of MODELS) {
+    const entry = models[name];
+    if (!entry) continue;
+    seen.push(...entry.poles);
+    add(NAMES[name] ?? name, COLORS[name], entry.poles, entry.closed);
+  }
+  const loop = whole(found.loop_roots)?.roots_rad_s;
+  add("engine, exact", COLORS.exact, plant, loop);
+  const x = rangeOf([...seen.map((p) => p[0]), 5], 40);
+  const high = Math.max(30, ...seen.map((p) => Math.abs(p[1]))) * 1.15;
+  const edge = {
+    label: "limit of stability",
+    color: COLORS.guide,
+    x: [0, 0],
+    y: [-high, high],
+    width: 1.2,
+    quiet: true,
+  };
+  lines.unshift(edge);
+  const texts = [
+    `right-most root of the engine ${rootText(plant[0])}`,
+    ...(loop ? [`of its loop ${rootText(loop[0])}`] : []),
+    ...MODELS.flatMap((name) => {
+      const closed = models[name]?.closed;
+      return closed ? [`of the loop with ${NAMES[name]} ${rootText(closed[0])}`] : [];
+    }),
+  ];
+  return { lines, x, y: [-high, high], note: "\u00d7 alone, \u25cb with the controller", summary: texts.join("; ") };
+}
+
+/** A loop's roots further away than so many times the plant's own are not in sight, the right-most ones excepted. */
+const REACH = 5;
+
+function rootText(root: Pair | undefined): string {
+  if (!root) return "none";
+  const turning = root[1] === 0 ? "" : ` \u00b1 ${Math.abs(root[1]).toFixed(2)}j`;
+  return `${root[0].toFixed(2)}${turning} rad/s`;
 }
 
 export interface Named {
@@ -209,56 +250,67 @@ export function drawPlane(found: Found, state: State, controllers: readonly Name
   if (!gains) return undefined;
   const { kp_low: low, kp_high: high, ki_high: top } = gains.window;
   const lines: Line[] = gains.boundary.map((piece, k) => ({
-    label: k === 0 ? "limit of stability, exact" : "",
+    label: `limit of stability, exact${k === 0 ? "" : `, piece ${k + 1}`}`,
+    quiet: k > 0,
     color: COLORS.exact,
     x: piece.kp,
     y: piece.ki,
+    width: 2,
   }));
-  const contours = whole(found.contours)?.contours ?? [];
-  for (const [k, contour] of contours.entries()) {
+  const missing: string[] = [];
+  for (const [k, contour] of (whole(found.contours)?.contours ?? []).entries()) {
+    const look = { color: COLORS.exact, dash: CONTOURS[k] ?? [2, 2], width: 1.3 };
+    const name = `Ms ${contour.ms}`;
+    if (contour.none) {
+      lines.push({ ...look, label: `${name}: none`, x: [], y: [], title: contour.none });
+      missing.push(contour.none);
+    }
     for (const [j, piece] of (contour.pieces ?? []).entries()) {
-      const label = j === 0 ? `Ms ${contour.ms}` : "";
       lines.push({
-        label,
-        color: COLORS.exact,
+        ...look,
+        label: j === 0 ? name : `${name}, piece ${j + 1}`,
+        quiet: j > 0,
         x: piece.kp,
         y: piece.ki,
-        dash: [
-          [2, 3],
-          [5, 3],
-          [9, 3],
-        ][k] ?? [2, 2],
-        width: 1,
       });
     }
   }
-  for (const one of controllers) {
-    const color = one.name === "C1" ? COLORS.g1 : one.name === "C2" ? COLORS.g2 : COLORS.g2d;
-    lines.push({ label: one.name, color, x: [one.kp], y: [one.ki], marker: "ring", width: 4 });
-  }
-  lines.push({ label: "these gains", color: COLORS.mark, x: [state.kp], y: [state.ki], marker: "dot", width: 5 });
   const x: [number, number] = [Math.min(low, state.kp), Math.max(high, state.kp * 1.05)];
   const y: [number, number] = [0, Math.max(top, state.ki * 1.05)];
+  for (const one of controllers) {
+    const color = one.name === "C1" ? COLORS.g1 : one.name === "C2" ? COLORS.g2 : COLORS.g2d;
+    const inside = one.kp >= x[0] && one.kp <= x[1] && one.ki <= y[1];
+    lines.push({ label: one.name, color, x: [one.kp], y: [one.ki], marker: "ring", width: 4, quiet: !inside });
+  }
+  lines.push({ label: "these gains", color: COLORS.mark, x: [state.kp], y: [state.ki], marker: "dot", width: 5 });
   const shade = { rows: gains.shade, x: [low, high] as [number, number], y: [0, top] as [number, number] };
-  return { lines, x, y, shade, summary: `kp ${state.kp}, ki ${state.ki} at kd ${state.kd}; stable gains are shaded` };
+  const texts = [`kp ${state.kp}, ki ${state.ki} at kd ${state.kd}; stable gains are shaded`, ...missing];
+  return { lines, x, y, shade, summary: texts.join("; ") };
 }
+
+const CONTOURS = [
+  [2, 3],
+  [5, 3],
+  [9, 3],
+];
 
 export function drawTime(found: Found, state: State, which: "speed_rad_s" | "throttle_deg"): Drawing | undefined {
   const loop = whole(found.loop);
   if (!loop) return undefined;
   const lines: Line[] = [];
   for (const name of MODELS) {
-    const trace = whole(found.answers?.[name]);
+    const trace = whole(whole(found.answers)?.[name]);
     if (trace?.time_s) lines.push(model(name, trace.time_s, trace[which]));
   }
   lines.push({ label: "engine", color: COLORS.engine, x: loop.time_s, y: loop[which], width: 2.2 });
   const start = loop[which][0] ?? 0;
-  const y = rangeOf(loop[which], which === "speed_rad_s" ? 2 : 1, 0.25);
+  const asked = which === "speed_rad_s" && state.step === "command" ? [start + state.command_rad_s] : [];
+  const y = rangeOf([...loop[which], ...asked], which === "speed_rad_s" ? 2 : 1, 0.15);
   if (which === "speed_rad_s" && state.step === "command") {
     const target = start + state.command_rad_s;
     lines.push({
       label: "command",
-      color: "#888888",
+      color: COLORS.guide,
       x: [0, state.until_s],
       y: [target, target],
       dash: [3, 3],
@@ -268,8 +320,10 @@ export function drawTime(found: Found, state: State, which: "speed_rad_s" | "thr
   if (which === "throttle_deg") {
     for (const [k, limit] of (loop.limits_deg ?? []).entries()) {
       lines.push({
-        label: k ? "limits" : "",
-        color: "#888888",
+        label: k ? "upper limit" : "lower limit",
+        legend: "limits",
+        quiet: k > 0,
+        color: COLORS.guide,
         x: [0, state.until_s],
         y: [limit, limit],
         dash: [3, 3],
@@ -279,14 +333,24 @@ export function drawTime(found: Found, state: State, which: "speed_rad_s" | "thr
   }
   if (which === "speed_rad_s" && loop.limit_cycle) {
     for (const [k, bound] of [loop.limit_cycle.low_rad_s, loop.limit_cycle.high_rad_s].entries()) {
-      const label = k ? "limit cycle" : "";
-      lines.push({ label, color: COLORS.mark, x: [0, state.until_s], y: [bound, bound], dash: [6, 2], width: 1 });
+      const label = `limit cycle, ${k ? "highest" : "lowest"}`;
+      lines.push({
+        label,
+        legend: "limit cycle",
+        quiet: k > 0,
+        color: COLORS.engine,
+        x: [0, state.until_s],
+        y: [bound, bound],
+        dash: [6, 2],
+        width: 1,
+      });
     }
   }
   return {
     lines,
     x: [0, state.until_s],
     y,
+    ...(state.step === "load" ? { note: "the fitted models know the throttle, not the load" } : {}),
     summary: loop.summary ?? loop.undecided ?? `starts at ${start.toFixed(1)}`,
   };
 }

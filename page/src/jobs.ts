@@ -6,6 +6,7 @@ import { clock, element } from "./parts";
 export interface JobCalls {
   list: () => Promise<{ jobs: Job[]; warnings?: string[] }>;
   start: (kind: Job["kind"]) => Promise<unknown>;
+  opened: (on: boolean) => void;
   change: (job: Job, what: "cancel" | "resume" | "delete") => Promise<unknown>;
 }
 
@@ -61,15 +62,20 @@ export class Jobs {
     });
     panel.append(title, text, row, this.told, this.list);
     panel.setAttribute("aria-labelledby", "jobs-title");
-    opener.addEventListener("click", () => {
-      if (panel.open) panel.close();
-      else panel.show();
-      void this.look();
-    });
+    opener.addEventListener("click", () => (panel.open ? panel.close() : this.open()));
     panel.addEventListener("keydown", (event) => {
       if (event.key === "Escape") panel.close();
     });
-    panel.addEventListener("close", () => opener.focus());
+    panel.addEventListener("close", () => {
+      opener.focus();
+      calls.opened(false);
+    });
+    void this.look();
+  }
+
+  open(): void {
+    if (!this.panel.open) this.panel.show();
+    this.calls.opened(true);
     void this.look();
   }
 

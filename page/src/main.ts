@@ -18,19 +18,23 @@ import {
   Refused,
   sendFile,
   startJob,
+  type View,
 } from "./api";
 import { Controls, type Parameter } from "./controls";
 import { Data, type FileAnswer } from "./data";
 import { drawBode, drawDistortion, drawErrors, drawMap, drawPlane, drawRoots, drawTime, type Named } from "./drawings";
 import { Jobs } from "./jobs";
+import { ERROR_PLOTS, type Look, Looks, readLook } from "./look";
+import { keyOf, Reads } from "./needs";
+import { responseNotes, shareFound } from "./notes";
 import { Numbers } from "./numbers";
-import { type Drawing, Plot, save } from "./plot";
+import { type DragPhase, type Drawing, Plot, save } from "./plot";
 import { DEFAULTS, fromAddress, type State, same, toAddress } from "./state";
 import { Store } from "./store";
-import { Tour } from "./tour";
+import { STOPS, Tour } from "./tour";
 
 const REST = 250;
-const SLOW: PartName[] = ["peaks", "contours", "cycle"];
+const SLOW: PartName[] = ["peaks", "contours", "cycle", "validity"];
 
 const need = <T extends HTMLElement = HTMLElement>(id: string): T => {
   const element = document.getElementById(id);
@@ -39,11 +43,16 @@ const need = <T extends HTMLElement = HTMLElement>(id: string): T => {
 };
 
 const read = fromAddress(location.hash);
+const addressEntries = () => new URLSearchParams(location.hash.replace(/^#/, ""));
+const readOfLook = readLook(addressEntries(), STOPS.length);
+const faults = [...read.faults, ...readOfLook.faults];
 const store = new Store(read.state);
+const looks = new Looks(readOfLook.look);
 const controls = new Controls(need("controls"), store);
 const numbers = new Numbers();
-const tour = new Tour(need("guide"), store);
+const tour = new Tour(need("guide"), store, (step) => looks.set({ tour: step }));
 const verdict = need("verdict");
+const said = need("said");
 const banner = need("banner");
 let controllers: (Named & { what: string })[] = [];
 let found: Found = {};
@@ -63,7 +72,14 @@ window.workbench = {
 
 const frequency = { label: "frequency", unit: "rad/s", log: true };
 const seconds = { label: "time", unit: "s" };
-const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[] = [
+interface Shown {
+  plot: Plot;
+  draw: (found: Found, state: State) => Drawing | undefined;
+  parts: PartName[];
+  /** What the drawing that is shown was made of. */
+  from?: { found: Reads<Found>; state: Reads<State> } | undefined;
+}
+const plots: Shown[] = [
   {
     plot: new Plot({
       id: "map",
@@ -72,11 +88,10 @@ const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[
       y: { label: "speed", unit: "rad/s" },
       hint: "Drag to move the operating point",
       drag: (x, _, phase) => {
-        store.move({ throttle_deg: Number(Math.min(Math.max(x, 0.1), 90).toFixed(1)) });
-        if (phase === "end") store.settle();
+        dragged({ throttle_deg: Number(Math.min(Math.max(x, 0.1), 90).toFixed(1)) }, phase);
       },
     }),
-    draw: () => drawMap(found, store.state),
+    draw: drawMap,
     parts: ["map", "point"],
   },
   {
@@ -86,13 +101,13 @@ const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[
       x: frequency,
       y: { label: "gain", unit: "dB" },
     }),
-    draw: () => drawBode(found, "magnitude_db", own),
-    parts: ["response", "models"],
+    draw: (found) => drawBode(found, "magnitude_db", own),
+    parts: ["response"],
   },
   {
     plot: new Plot({ id: "phase", title: "Phase", x: frequency, y: { label: "phase", unit: "deg" } }),
-    draw: () => drawBode(found, "phase_deg", own),
-    parts: ["response", "models"],
+    draw: (found) => drawBode(found, "phase_deg", own),
+    parts: ["response"],
   },
   {
     plot: new Plot({
@@ -102,11 +117,10 @@ const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[
       y: { label: "ki", unit: "deg/(rad/s)/s" },
       hint: "Click or drag to choose kp and ki",
       drag: (x, y, phase) => {
-        store.move({ kp: Number(x.toPrecision(3)), ki: Number(Math.max(y, 0).toPrecision(3)) });
-        if (phase === "end") store.settle();
+        dragged({ kp: Number(x.toPrecision(3)), ki: Number(Math.max(y, 0).toPrecision(3)) }, phase);
       },
     }),
-    draw: () => drawPlane(found, store.state, controllers),
+    draw: (found, state) => drawPlane(found, state, controllers),
     parts: ["gains"],
   },
   {
@@ -116,7 +130,7 @@ const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[
       x: frequency,
       y: { label: "error", unit: "dB" },
     }),
-    draw: () => drawErrors(found, "magnitude_db"),
+    draw: (found) => drawErrors(found, "magnitude_db"),
     parts: ["models"],
   },
   {
@@ -126,7 +140,7 @@ const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[
       x: frequency,
       y: { label: "error", unit: "deg" },
     }),
-    draw: () => drawErrors(found, "phase_deg"),
+    draw: (found) => drawErrors(found, "phase_deg"),
     parts: ["models"],
   },
   {
@@ -134,9 +148,9 @@ const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[
       id: "distortion",
       title: "Distortion",
       x: frequency,
-      y: { label: "harmonics", unit: "% of fundamental" },
+      y: { label: "distortion", unit: "%" },
     }),
-    draw: () => drawDistortion(found),
+    draw: drawDistortion,
     parts: ["response"],
   },
   {
@@ -146,64 +160,107 @@ const plots: { plot: Plot; draw: () => Drawing | undefined; parts: PartName[] }[
       x: { label: "real", unit: "rad/s" },
       y: { label: "imaginary", unit: "rad/s" },
     }),
-    draw: () => drawRoots(found),
-    parts: ["roots"],
+    draw: drawRoots,
+    parts: ["point"],
   },
   {
     plot: new Plot({ id: "speed", title: "Speed", x: seconds, y: { label: "speed", unit: "rad/s" } }),
-    draw: () => drawTime(found, store.state, "speed_rad_s"),
+    draw: (found, state) => drawTime(found, state, "speed_rad_s"),
     parts: ["loop"],
   },
   {
     plot: new Plot({ id: "throttle", title: "Throttle", x: seconds, y: { label: "throttle", unit: "deg" } }),
-    draw: () => drawTime(found, store.state, "throttle_deg"),
+    draw: (found, state) => drawTime(found, state, "throttle_deg"),
     parts: ["loop"],
   },
 ];
 
-function redraw(): void {
-  for (const { plot, draw, parts } of plots) {
-    const broken = parts.some((name) => isProblem(found[name]));
-    const drawing = broken ? undefined : draw();
+function dragged(patch: Partial<State>, phase: DragPhase): void {
+  if (phase === "cancel") store.cancel();
+  else store.move(patch);
+  if (phase === "end") store.settle();
+}
+
+/** Draw what is made of something new, or all. */
+function redraw(all = false): void {
+  for (const entry of plots) {
+    const { plot, draw, parts } = entry;
+    if (!all && entry.from?.found.stand(found) && entry.from.state.stand(store.state)) continue;
+    const from = { found: new Reads(found), state: new Reads(store.state) };
+    const broken = parts.map((name) => problemOf(from.found.of[name])).find((text) => text !== undefined);
+    const drawing = broken === undefined ? draw(from.found.of, from.state.of) : undefined;
+    entry.from = drawing && from;
     if (drawing) plot.show(drawing);
-    else if (broken) plot.grey();
+    else if (broken !== undefined) plot.grey(broken);
+    else if (shown) plot.grey(problemOf(within(found.response)) ?? "");
   }
   numbers.show(found);
+  tellProblems();
+}
+
+function grey(reason?: string): void {
+  for (const entry of plots) {
+    entry.plot.grey(reason);
+    entry.from = undefined;
+  }
+}
+
+/** The first part of a response, found or not: of what is drawn from it alone, its problem is the reason. */
+function within(part: Found["response"]): unknown {
+  if (!part || isProblem(part)) return undefined;
+  return isProblem(part.exact) ? part.exact : part.harmonic_balance;
+}
+
+function problemOf(part: unknown): string | undefined {
+  if (!isProblem(part)) return undefined;
+  return typeof part.problem === "string" ? part.problem : part.problem.detail;
 }
 
 function tellProblems(): void {
   const texts = new Map<string, string>();
-  for (const part of Object.values(found)) {
-    for (const one of [part, isProblem(part) ? undefined : (part as { harmonic_balance?: unknown }).harmonic_balance]) {
-      if (!isProblem(one) || typeof one.problem === "string") continue;
-      const control = one.problem.control ?? "";
-      if (!texts.has(control)) texts.set(control, one.problem.detail);
-    }
+  const { response } = found;
+  const inner = response && !isProblem(response) ? [response.exact, response.harmonic_balance] : [];
+  const swinging = [response, found.models, ...inner]; // what they have no control for is the amplitude's
+  for (const one of [...Object.values(found), ...inner]) {
+    if (!isProblem(one) || typeof one.problem === "string") continue;
+    const control = one.problem.control ?? (swinging.includes(one) ? "amplitude_deg" : "");
+    if (!texts.has(control)) texts.set(control, one.problem.detail);
   }
-  controls.tell(texts);
-}
-
-/** What a slow part depends on: it is asked for again only where that changed. */
-function keyOf(part: PartName, state: State): string {
-  const engine = JSON.stringify([state.engine, state.parameters, state.load_n_m]);
-  const point = JSON.stringify([engine, state.throttle_deg, state.speed_rad_s]);
-  if (part === "map") return point;
-  if (part === "contours") return JSON.stringify([point, state.kd]);
-  return part === "peaks" ? JSON.stringify([point, state.amplitude_deg]) : toAddress(state);
+  const remark = found.validity && !isProblem(found.validity) ? found.validity.warnings[0] : undefined;
+  const key = store.state.speed_rad_s === undefined ? "throttle_deg" : "speed_rad_s";
+  const remarks = new Map(remark ? [[key, `${remark}; the linear model holds no further`]] : []);
+  const share = shareFound(responseNotes(found));
+  if (share) {
+    remarks.set("amplitude_deg", `only ${share} have an answer at this amplitude; why stands below the margins`);
+  }
+  controls.tell(texts, remarks);
 }
 
 /** What the page waits for, for whoever looks at it from outside: tests, and programs that take pictures. */
 function report(view: "busy" | "drawn" | "settled"): void {
   document.documentElement.dataset.view = view;
+  // Read aloud when things have come to rest, not at each step of a slider.
+  if (view === "settled" && said.textContent !== verdict.textContent) said.textContent = verdict.textContent;
 }
 
-const slowKeys = new Map<PartName, string>();
-const slowFollower = new Follower<{ state: State; parts: PartName[] }, Found>(
+/** What the parts that were found were found for. */
+const keys = new Map<PartName, string>();
+const known = (part: PartName, state: State) => keys.get(part) === keyOf(part, state);
+
+/** Take in what was found; a part with a problem, and one left for later, is asked for again. */
+function take(answer: Found, parts: readonly PartName[], state: State): void {
+  for (const part of parts) {
+    if (answer[part] === undefined || isProblem(answer[part])) keys.delete(part);
+    else keys.set(part, keyOf(part, state));
+  }
+  found = { ...found, ...answer };
+}
+
+const slowFollower = new Follower<{ state: State; parts: PartName[] }, View>(
   ({ state, parts }) => fetchView(state, parts, "slow"),
-  (answer, asked) => {
+  ({ parts: answer }, asked) => {
     if (!same(asked.state, store.state)) return;
-    for (const part of asked.parts) slowKeys.set(part, keyOf(part, asked.state));
-    found = { ...found, ...answer };
+    take(answer, asked.parts, asked.state);
     redraw();
     if (shown && same(shown, store.state)) report("settled");
   },
@@ -216,29 +273,46 @@ function askSlow(): void {
   resting = setTimeout(() => {
     const state = store.state;
     const hunts = found.loop && !isProblem(found.loop) && found.loop.outcome === "limit-cycle";
-    const parts = SLOW.filter((part) => slowKeys.get(part) !== keyOf(part, state) && (part !== "cycle" || hunts));
+    const parts = SLOW.filter((part) => !known(part, state) && (part !== "cycle" || hunts));
     if (parts.length > 0) slowFollower.follow({ state, parts });
     else report("settled");
   }, REST);
 }
 
-const follower = new Follower<State, Found>(
-  (state) => fetchView(state, slowKeys.get("map") === keyOf("map", state) ? LIVE : [...LIVE, "map"]),
-  (answer, asked) => {
+/** What the server left for later, of the state shown. */
+let left: PartName[] = [];
+
+function wanted(state: State): PartName[] {
+  const parts = ([...LIVE, "map"] as PartName[]).filter((part) => !known(part, state));
+  return parts.length > 0 ? parts : ["words"];
+}
+
+const follower = new Follower<State, View & { asked: PartName[] }>(
+  async (state) => {
+    const parts = wanted(state);
+    return { ...(await fetchView(state, parts)), asked: parts };
+  },
+  ({ parts: answer, later, asked: parts }, asked) => {
     for (const part of SLOW) {
       // What no longer belongs to this state must not be shown with it.
-      if (slowKeys.get(part) !== keyOf(part, asked)) delete found[part];
+      if (!known(part, asked)) delete found[part];
     }
-    if (answer.map) slowKeys.set("map", keyOf("map", asked));
-    found = { ...found, ...answer };
+    take(answer, parts, asked);
+    for (const part of later) delete found[part];
+    left = later;
     shown = asked;
-    banner.hidden = read.faults.length === 0;
-    verdict.textContent = answer.words?.verdict ?? "";
-    verdict.className = toneOf(answer);
+    attempts = 0;
+    banner.hidden = faults.length === 0;
+    verdict.textContent = found.words?.verdict ?? (left.length > 0 ? "many ask at once: the rest follows" : "");
+    verdict.title = verdict.textContent;
+    verdict.className = toneOf(found);
     if (found.point && !isProblem(found.point)) controls.point = found.point;
-    tellProblems();
     redraw();
     if (!same(asked, store.state)) return;
+    if (left.length > 0) {
+      follower.follow(asked);
+      return;
+    }
     report("drawn");
     askSlow();
   },
@@ -246,6 +320,7 @@ const follower = new Follower<State, Found>(
 );
 
 function toneOf(answer: Found): string {
+  if (left.length > 0 && !answer.margins) return "";
   if (answer.margins && !isProblem(answer.margins)) {
     const hunts = answer.loop && !isProblem(answer.loop) && answer.loop.outcome !== "settled" && answer.loop.outcome;
     return answer.margins.stable && !hunts ? "good" : "bad";
@@ -255,25 +330,27 @@ function toneOf(answer: Found): string {
 
 let attempts = 0;
 function lost(error: unknown): void {
-  if (error instanceof Refused) {
+  const busy = error instanceof Refused && error.problem.status === 503;
+  if (error instanceof Refused && !busy) {
     if (error.problem.status === 409) return;
     controls.tell(new Map([[error.problem.control ?? "", error.problem.detail]]));
     if (!controls.knows(error.problem.control ?? "")) say(error.problem.detail);
-    for (const { plot } of plots) plot.grey();
+    grey(error.problem.detail);
     verdict.textContent = "no view: see the problem at its control";
     verdict.className = "bad";
     shown = undefined;
     report("settled");
     return;
   }
-  if (!(error instanceof Lost)) throw error;
+  if (!busy && !(error instanceof Lost)) throw error;
   attempts += 1;
   const wait = Math.min(2 ** attempts, 20);
-  for (const { plot } of plots) plot.grey();
-  say(`The server does not answer; what is shown is the last it said. Trying again every ${wait} s.`);
+  grey();
+  const why = busy ? error.problem.detail : "The server does not answer";
+  say(`${why}; what is shown is the last it said. Trying again every ${wait} s.`);
   setTimeout(() => {
     fetchJson("/api/v1/health").then(() => {
-      attempts = 0;
+      if (!busy) attempts = 0;
       banner.hidden = true;
       start();
       follower.follow(store.state);
@@ -286,26 +363,44 @@ function say(text: string): void {
   banner.hidden = false;
 }
 
-let started = false;
-function start(): void {
-  if (started) return;
-  fetchJson<{ parameters: Parameter[]; controllers: (Named & { what: string })[] }>(
-    `/api/v1/parameters?engine=${encodeURIComponent(store.state.engine)}`,
-  ).then((answer) => {
-    started = true;
-    controllers = answer.controllers;
-    controls.offer(answer.controllers);
-    controls.engine(answer.parameters);
-    redraw();
-  }, lost);
+interface Offered {
+  engines: string[];
+  parameters: Parameter[];
+  controllers: (Named & { what: string })[];
 }
+let offered = "";
+/** Ask what can be set of the engine shown, once for each engine. */
+function start(): void {
+  const { engine } = store.state;
+  if (offered === engine) return;
+  offered = engine;
+  fetchJson<Offered>(`/api/v1/parameters?engine=${encodeURIComponent(engine)}`).then(
+    (answer) => {
+      if (offered !== engine) return;
+      controllers = answer.controllers;
+      controls.offer(answer.controllers);
+      controls.engine(answer.engines, answer.parameters);
+      redraw(true);
+    },
+    (error) => {
+      if (offered === engine) offered = "";
+      lost(error);
+    },
+  );
+}
+
+function showAddress(): void {
+  history.replaceState(null, "", toAddress(store.state, looks.now) || location.pathname);
+}
+looks.subscribe(showAddress);
 
 const undo = need<HTMLButtonElement>("undo");
 const redo = need<HTMLButtonElement>("redo");
 store.subscribe((state) => {
   undo.disabled = !store.canUndo;
   redo.disabled = !store.canRedo;
-  history.replaceState(null, "", toAddress(state) || location.pathname);
+  showAddress();
+  start();
   if (follower.busy || !shown || !same(shown, state)) {
     clearTimeout(resting);
     report("busy");
@@ -318,7 +413,7 @@ need("reset").addEventListener("click", () => store.replace(DEFAULTS));
 need("tour").addEventListener("click", () => tour.start());
 need("link").addEventListener("click", async (event) => {
   const button = event.currentTarget as HTMLButtonElement;
-  const link = new URL(toAddress(store.state) || "/", location.origin).href;
+  const link = new URL(toAddress(store.state, looks.now) || "/", location.origin).href;
   try {
     await navigator.clipboard.writeText(link);
     button.textContent = "Copied";
@@ -350,6 +445,7 @@ document.addEventListener("keydown", (event) => {
 });
 window.addEventListener("hashchange", () => {
   const next = fromAddress(location.hash);
+  look(readLook(addressEntries(), STOPS.length).look);
   if (!same(next.state, store.state)) store.replace(next.state);
 });
 
@@ -364,7 +460,7 @@ theme.addEventListener("click", () => setTheme(document.documentElement.dataset.
 setTheme(dark.matches);
 
 /** Three plots that take turns in one place. */
-function takeTurns(names: readonly string[], first: string): void {
+function takeTurns(names: readonly string[]): (name: string) => void {
   const turning = plots.map(({ plot }) => plot).filter((plot) => names.includes(plot.options.id));
   const show = (name: string) => {
     for (const plot of turning) plot.figure.hidden = plot.options.id !== name;
@@ -373,29 +469,44 @@ function takeTurns(names: readonly string[], first: string): void {
     const choices = turning.map(({ options }): [string, string] => [options.id, options.title]);
     plot.offer(choices, (name) => {
       show(name);
+      looks.set({ errors: name });
       document.querySelector<HTMLSelectElement>(`#${name} select`)?.focus();
     });
   }
-  show(first);
+  return show;
 }
-takeTurns(["magnitude-error", "phase-error", "distortion"], "phase-error");
+const showErrors = takeTurns(ERROR_PLOTS);
 
-new Data(need<HTMLDialogElement>("data"), need<HTMLButtonElement>("data-open"), {
+const data = new Data(need<HTMLDialogElement>("data"), need<HTMLButtonElement>("data-open"), {
   send: (file, kind) => sendFile<FileAnswer>(file, kind, store.state),
   curve: (curve) => {
     own = curve;
-    redraw();
+    redraw(true);
   },
   engine: (state) => store.set(state),
+  opened: (on) => looks.open("data", on),
 });
-new Jobs(need<HTMLDialogElement>("jobs"), need<HTMLButtonElement>("jobs-open"), {
+const jobs = new Jobs(need<HTMLDialogElement>("jobs"), need<HTMLButtonElement>("jobs-open"), {
   list: () => fetchJson<{ jobs: Job[] }>("/api/v1/jobs"),
   start: (kind) => startJob(kind, store.state),
   change: changeJob,
+  opened: (on) => looks.open("jobs", on),
 });
+controls.engineBox.addEventListener("toggle", () => looks.open("engine", controls.engineBox.open));
+
+/** Show the page as a link wants it looked at. */
+function look({ errors, open, tour: step }: Look): void {
+  showErrors(errors);
+  looks.set({ errors });
+  controls.engineBox.open = open.includes("engine");
+  if (open.includes("data")) data.open();
+  if (open.includes("jobs")) jobs.open();
+  if (step > 0) tour.resume(step);
+}
 
 need("plots").append(...plots.map(({ plot }) => plot.figure), numbers.figure);
-if (read.faults.length > 0) say(read.faults.join("; "));
+look(readOfLook.look);
+if (faults.length > 0) say(faults.join("; "));
 controls.update(store.state);
 start();
 follower.follow(store.state);

@@ -1,13 +1,15 @@
 /** Margins and measures in numbers, as a table beside the plots. */
 
 import { type Found, isProblem, type Promise_ } from "./api";
+import { responseNotes } from "./notes";
 
 type Cell = string;
 
 export function rowsOf(found: Found): [string, Cell, Cell, Cell, Cell][] {
   const exact = found.margins && !isProblem(found.margins) ? found.margins : undefined;
+  const promises = found.promises && !isProblem(found.promises) ? found.promises : {};
   const promise = (name: string): Promise_ | undefined => {
-    const one = found.promises?.[name];
+    const one = promises[name];
     return one && !isProblem(one) ? (one as Promise_) : undefined;
   };
   const columns = [exact, promise("g1"), promise("g2"), promise("g2d")];
@@ -16,14 +18,18 @@ export function rowsOf(found: Found): [string, Cell, Cell, Cell, Cell][] {
     return [title, cells[0] ?? "", cells[1] ?? "", cells[2] ?? "", cells[3] ?? ""];
   };
   const safe = (one: Promise_, value: number | undefined, digits: number, factor = 1) =>
-    one.stable ? (value === undefined ? "any" : (factor * value).toFixed(digits)) : "–";
+    one.stable && one.ms !== undefined ? (value === undefined ? "any" : (factor * value).toFixed(digits)) : "–";
   return [
     row("stable", (one) => (one.stable ? "yes" : "no")),
     row("gain (dB)", (one) => safe(one, one.gain_margin_db, 2)),
     row("phase (deg)", (one) => safe(one, one.phase_margin_deg, 1)),
     row("delay (ms)", (one) => safe(one, one.delay_margin_s, 2, 1000)),
-    row("Ms", (one) => (one.stable ? one.ms.toFixed(2) : "–")),
+    row("Ms", (one) => (one.stable && one.ms !== undefined ? one.ms.toFixed(2) : "–")),
   ];
+}
+
+function sentence(text: string): string {
+  return `${text.slice(0, 1).toUpperCase()}${text.slice(1)}.`;
 }
 
 export class Numbers {
@@ -74,8 +80,13 @@ export class Numbers {
         }),
       );
     }
+    const said = found.words?.lines ?? [];
+    const limits = found.validity && !isProblem(found.validity) ? found.validity.warnings : [];
+    const more = [...limits, ...responseNotes(found)].map(sentence);
     this.lines.replaceChildren(
-      ...(found.words?.lines ?? []).map((text) => Object.assign(document.createElement("li"), { textContent: text })),
+      ...[...said.slice(0, 1), ...more.filter((text) => !said.includes(text)), ...said.slice(1)].map((text) =>
+        Object.assign(document.createElement("li"), { textContent: text }),
+      ),
     );
   }
 }

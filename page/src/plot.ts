@@ -1,8 +1,13 @@
 /** A plot: axes by uPlot, any curves over them, a readout, and what was drawn for downloads. */
 
 import uPlot from "uplot";
-import { csvOf, showNumber, svgOf } from "./export";
+import { isDark, shown } from "./colors";
+import { csvOf, showNumber } from "./export";
+import { Legend } from "./legend";
+import { paintDrawing, pictureOf } from "./paint";
+import { element } from "./parts";
 import { readingsOf } from "./readings";
+import { svgOf } from "./svg";
 import { showTable } from "./table";
 
 export interface Line {
@@ -13,7 +18,12 @@ export interface Line {
   dash?: number[];
   width?: number;
   marker?: "dot" | "ring" | "cross";
-  fill?: boolean;
+  /** What the legend says in place of the label, how its key is drawn, and what is told of it. */
+  legend?: string;
+  key?: "both";
+  title?: string;
+  /** Drawn and saved, but not named in the legend. */
+  quiet?: boolean;
 }
 
 export interface Axis {
@@ -34,18 +44,20 @@ export interface Drawing {
   y: [number, number];
   shade?: Shade;
   summary: string;
+  /** A remark at the end of the legend. */
+  note?: string;
 }
+
+export type DragPhase = "move" | "end" | "cancel";
 
 export interface PlotOptions {
   id: string;
   title: string;
   x: Axis;
   y: Axis;
-  drag?: (x: number, y: number, phase: "move" | "end") => void;
+  drag?: (x: number, y: number, phase: DragPhase) => void;
   hint?: string;
 }
-
-const RING = "M6 4a3 3 0 1 0 6 0a3 3 0 1 0 -6 0";
 
 const EMPTY: Drawing = { lines: [], x: [1, 2], y: [1, 2], summary: "nothing yet" };
 
@@ -56,17 +68,19 @@ export function axisText(axis: Axis): string {
 export class Plot {
   readonly figure = document.createElement("figure");
   private readonly frame = document.createElement("div");
-  private readonly legend = document.createElement("ul");
+  private readonly legend = new Legend();
   private readonly readout = document.createElement("output");
   private readonly tip = document.createElement("div");
   private readonly summary = document.createElement("p");
+  private readonly why = element("p", { className: "why", hidden: true });
   private chart: uPlot | undefined;
   private drawing = EMPTY;
 
   constructor(readonly options: PlotOptions) {
-    const { figure, frame, legend, readout, summary } = this;
+    const { figure, frame, readout, summary } = this;
     figure.id = options.id;
     figure.className = "plot";
+    figure.setAttribute("aria-label", options.title);
     const caption = document.createElement("figcaption");
     const title = document.createElement("h2");
     title.textContent = options.title;
@@ -74,10 +88,9 @@ export class Plot {
     frame.className = "frame";
     this.tip.className = "tip";
     this.tip.hidden = true;
-    legend.className = "legend";
     summary.className = "unseen";
     frame.setAttribute("aria-hidden", "true"); // the text below says what the picture shows
-    figure.append(caption, frame, this.tip, legend, summary);
+    figure.append(caption, frame, this.tip, this.why, this.legend.list, summary);
     if (options.hint) frame.title = options.hint;
     new ResizeObserver(() => this.fit()).observe(frame);
   }
@@ -87,36 +100,22 @@ export class Plot {
     this.drawing = drawing;
     this.figure.classList.remove("stale");
     this.summary.textContent = `${this.options.title}: ${drawing.summary}`;
-    this.legend.replaceChildren(
-      ...drawing.lines
-        .filter((line) => line.label !== "")
-        .map((line) => {
-          const entry = document.createElement("li");
-          const key = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-          key.setAttribute("viewBox", "0 0 18 8");
-          key.setAttribute("aria-hidden", "true");
-          const shape = document.createElementNS("http://www.w3.org/2000/svg", "path");
-          const paths = { cross: "M6 1l6 6m0 -6l-6 6", ring: RING, dot: RING, line: "M0 4h18" };
-          shape.setAttribute("d", paths[line.marker ?? "line"]);
-          shape.setAttribute("stroke", line.color);
-          shape.setAttribute("stroke-width", "2");
-          shape.setAttribute("fill", line.marker === "dot" ? line.color : "none");
-          if (line.dash) shape.setAttribute("stroke-dasharray", line.dash.map((d) => d / 1.5).join(" "));
-          key.append(shape);
-          entry.append(key, line.label);
-          return entry;
-        }),
-    );
+    this.why.hidden = true;
+    this.legend.show(drawing, isDark());
     if (!this.chart) this.fit();
     this.chart?.setData([drawing.x as number[], drawing.y as number[]], true);
   }
 
   /** Say that what is drawn is no longer true. */
-  grey(): void {
+  grey(reason = ""): void {
     this.figure.classList.add("stale");
+    const text = this.drawing === EMPTY ? reason : `As it was before. ${reason}`;
+    if (this.why.textContent !== text) this.why.textContent = text;
+    this.why.hidden = text === "";
   }
 
   restyle(): void {
+    if (this.drawing !== EMPTY) this.legend.show(this.drawing, isDark());
     this.chart?.destroy();
     this.chart = undefined;
     this.fit();
@@ -184,7 +183,7 @@ export class Plot {
         ],
         series: [{}, { show: true, stroke: "transparent", points: { show: false }, paths: () => null }],
         hooks: {
-          draw: [(self) => this.paint(self)],
+          draw: [(self) => paintDrawing(self, this.drawing)],
           setCursor: [(self) => this.read(self)],
           ready: [(self) => this.listen(self)],
         },
@@ -193,17 +192,6 @@ export class Plot {
       this.frame,
     );
     return chart;
-  }
-
-  private paint(chart: uPlot): void {
-    const { ctx, bbox } = chart;
-    ctx.save();
-    ctx.beginPath();
-    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
-    ctx.clip();
-    if (this.drawing.shade) paintShade(chart, this.drawing.shade);
-    for (const line of this.drawing.lines) paintLine(chart, line);
-    ctx.restore();
   }
 
   private read(chart: uPlot): void {
@@ -226,7 +214,7 @@ export class Plot {
     this.tip.replaceChildren(
       ...readings.map(({ label, text, color }) => {
         const line = Object.assign(document.createElement("div"), { textContent: `${label}: ${text}` });
-        line.style.borderLeftColor = color;
+        line.style.borderLeftColor = shown(color);
         return line;
       }),
     );
@@ -239,20 +227,27 @@ export class Plot {
     if (!drag) return;
     const over = chart.over;
     over.classList.add("draggable");
-    const tell = (event: PointerEvent, phase: "move" | "end") => {
+    const tell = (event: PointerEvent, phase: DragPhase) => {
       const box = over.getBoundingClientRect();
       const x = Math.min(Math.max(event.clientX - box.left, 0), box.width);
       const y = Math.min(Math.max(event.clientY - box.top, 0), box.height);
       drag(chart.posToVal(x, "x"), chart.posToVal(y, "y"), phase);
     };
     over.addEventListener("pointerdown", (event) => {
+      if (!event.isPrimary || event.button !== 0) return;
       over.setPointerCapture(event.pointerId);
       tell(event, "move");
     });
     over.addEventListener("pointermove", (event) => {
       if (over.hasPointerCapture(event.pointerId)) tell(event, "move");
     });
-    over.addEventListener("pointerup", (event) => tell(event, "end"));
+    over.addEventListener("pointerup", (event) => {
+      if (over.hasPointerCapture(event.pointerId)) tell(event, "end");
+    });
+    // Two fingers move or enlarge the page: what the first of them began is taken back.
+    over.addEventListener("pointercancel", (event) => {
+      if (event.isPrimary) tell(event, "cancel");
+    });
   }
 
   private downloads(): HTMLElement {
@@ -282,16 +277,7 @@ export class Plot {
   }
 
   private png(): Promise<Blob> {
-    const source = this.frame.querySelector("canvas");
-    const canvas = document.createElement("canvas");
-    canvas.width = source?.width ?? 1;
-    canvas.height = source?.height ?? 1;
-    const ctx = canvas.getContext("2d");
-    if (ctx && source) {
-      ctx.fillStyle = getComputedStyle(document.documentElement).getPropertyValue("--panel").trim();
-      ctx.fillRect(0, 0, canvas.width, canvas.height);
-      ctx.drawImage(source, 0, 0);
-    }
+    const canvas = pictureOf(this.options.title, this.frame.querySelector("canvas"), this.drawing);
     return new Promise((resolve, reject) =>
       canvas.toBlob((blob) => (blob ? resolve(blob) : reject(new Error("no image")))),
     );
@@ -303,66 +289,5 @@ export function save(blob: Blob, name: string): void {
   link.href = URL.createObjectURL(blob);
   link.download = name;
   link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-}
-
-function paintLine(chart: uPlot, line: Line): void {
-  const { ctx } = chart;
-  const ratio = devicePixelRatio;
-  ctx.strokeStyle = line.color;
-  ctx.fillStyle = line.color;
-  ctx.lineWidth = (line.width ?? 1.6) * ratio;
-  ctx.setLineDash((line.dash ?? []).map((d) => d * ratio));
-  ctx.lineJoin = "round";
-  if (!line.marker) ctx.beginPath();
-  let down = false;
-  for (let k = 0; k < line.x.length; k++) {
-    const x = line.x[k];
-    const y = line.y[k];
-    if (x === undefined || y === undefined || !Number.isFinite(x) || !Number.isFinite(y)) {
-      down = false;
-      continue;
-    }
-    const px = chart.valToPos(x, "x", true);
-    const py = Math.min(Math.max(chart.valToPos(y, "y", true), -1e5), 1e5);
-    if (line.marker) {
-      paintMarker(ctx, line.marker, px, py, (line.width ?? 3) * ratio);
-    } else if (down) ctx.lineTo(px, py);
-    else ctx.moveTo(px, py);
-    down = true;
-  }
-  if (!line.marker) ctx.stroke();
-  ctx.setLineDash([]);
-}
-
-function paintMarker(ctx: CanvasRenderingContext2D, kind: string, x: number, y: number, r: number): void {
-  ctx.beginPath();
-  ctx.lineWidth = Math.max(1, r / 2);
-  if (kind === "cross") {
-    ctx.moveTo(x - r, y - r);
-    ctx.lineTo(x + r, y + r);
-    ctx.moveTo(x - r, y + r);
-    ctx.lineTo(x + r, y - r);
-    ctx.stroke();
-    return;
-  }
-  ctx.arc(x, y, r, 0, 2 * Math.PI);
-  if (kind === "dot") ctx.fill();
-  else ctx.stroke();
-}
-
-function paintShade(chart: uPlot, shade: Shade): void {
-  const { ctx } = chart;
-  ctx.fillStyle = getComputedStyle(document.documentElement).getPropertyValue("--shade").trim();
-  const rows = shade.rows.length;
-  for (const [k, row] of shade.rows.entries()) {
-    const y0 = chart.valToPos(shade.y[0] + ((shade.y[1] - shade.y[0]) * (k - 0.5)) / (rows - 1), "y", true);
-    const y1 = chart.valToPos(shade.y[0] + ((shade.y[1] - shade.y[0]) * (k + 0.5)) / (rows - 1), "y", true);
-    const step = (shade.x[1] - shade.x[0]) / (row.length - 1);
-    for (const run of row.matchAll(/1+/g)) {
-      const x0 = chart.valToPos(shade.x[0] + step * (run.index - 0.5), "x", true);
-      const x1 = chart.valToPos(shade.x[0] + step * (run.index + run[0].length - 0.5), "x", true);
-      ctx.fillRect(x0, y1, x1 - x0, y0 - y1 + 1);
-    }
-  }
+  setTimeout(() => URL.revokeObjectURL(link.href), 60_000); // a busy browser fetches it late
 }

@@ -13,7 +13,7 @@ export interface Reading {
 export function readingsOf(lines: readonly Line[], x: number, near: (line: Line) => number): Reading[] {
   const found: Reading[] = [];
   for (const line of lines) {
-    if (line.label === "") continue;
+    if (line.quiet) continue;
     if (line.marker) {
       const k = near(line);
       if (k < 0) continue;

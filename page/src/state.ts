@@ -1,5 +1,7 @@
 /** What a page shows, as the server knows it: keys of `revline.workbench/1`, and how it stands in the address. */
 
+import { isOfLook, type Look, lookEntries, PLAIN } from "./look";
+
 export type StepKind = "command" | "load" | "throttle";
 
 export interface State {
@@ -57,8 +59,8 @@ export type NumberKey = (typeof NUMBERS)[number];
 const STEPS: readonly string[] = ["command", "load", "throttle"];
 const VERSION = "1";
 
-/** Give the part of the address that makes a state again: what differs from the defaults. */
-export function toAddress(state: State): string {
+/** Give the part of the address that makes a state and a look again: what differs from the defaults. */
+export function toAddress(state: State, look: Look = PLAIN): string {
   const entries: [string, string][] = [["v", VERSION]];
   if (state.engine !== DEFAULTS.engine) entries.push(["engine", state.engine]);
   if (state.step !== DEFAULTS.step) entries.push(["step", state.step]);
@@ -69,6 +71,7 @@ export function toAddress(state: State): string {
   for (const [key, value] of Object.entries(state.parameters).sort(([a], [b]) => (a < b ? -1 : 1))) {
     entries.push([`parameters.${key}`, String(value)]);
   }
+  entries.push(...lookEntries(look));
   return entries.length === 1 ? "" : `#${new URLSearchParams(entries).toString()}`;
 }
 
@@ -92,7 +95,7 @@ export function fromAddress(hash: string): Read {
     else if (key === "step" && STEPS.includes(text)) state.step = text as StepKind;
     else if (key.startsWith("parameters.") && finite) parameters[key.slice("parameters.".length)] = value;
     else if ((NUMBERS as readonly string[]).includes(key) && finite) state[key as NumberKey] = value;
-    else faults.push(`${key} = ${text} in the link means nothing here; its default is shown`);
+    else if (!isOfLook(key)) faults.push(`${key} = ${text} in the link means nothing here; its default is shown`);
   }
   if (entries.has("speed_rad_s") && state.speed_rad_s !== undefined) delete state.throttle_deg;
   return { state: { ...state, parameters }, faults };

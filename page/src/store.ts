@@ -45,6 +45,13 @@ export class Store {
     this.tell();
   }
 
+  /** Take back what moved since the step began. */
+  cancel(): void {
+    const before = this.before;
+    this.before = undefined;
+    if (before !== undefined) this.show(before);
+  }
+
   set(patch: Partial<State>): void {
     this.move(patch);
     this.settle();

@@ -28,7 +28,7 @@ export function showTable(title: string, x: Axis, y: Axis, drawing: Drawing): vo
   scroll.setAttribute("role", "region");
   scroll.setAttribute("aria-label", "Numbers");
   for (const line of drawing.lines) {
-    if (line.label === "") continue;
+    if (line.x.length === 0) continue;
     const table = document.createElement("table");
     table.append(Object.assign(document.createElement("caption"), { textContent: line.label }));
     const head = document.createElement("tr");

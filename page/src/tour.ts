@@ -72,6 +72,7 @@ export class Tour {
   constructor(
     private readonly panel: HTMLElement,
     private readonly store: Store,
+    private readonly told: (step: number) => void = () => {},
   ) {
     panel.addEventListener("keydown", (event) => {
       if (event.key === "Escape") this.leave();
@@ -89,8 +90,21 @@ export class Tour {
     const stop = STOPS[at];
     if (at >= STOPS.length) this.leave();
     if (!stop) return;
-    this.at = at;
+    this.show(at, stop);
     this.store.replace({ ...DEFAULTS, ...stop.state });
+  }
+
+  /** Go on where a link stands, with the state that it shows. */
+  resume(step: number): void {
+    const stop = STOPS[step - 1];
+    if (!stop) return;
+    this.before ??= DEFAULTS;
+    this.show(step - 1, stop);
+  }
+
+  private show(at: number, stop: Stop): void {
+    this.at = at;
+    this.told(at + 1);
     for (const figure of document.querySelectorAll(".plot")) {
       figure.classList.toggle("looked-at", stop.look.includes(figure.id));
     }
@@ -114,6 +128,7 @@ export class Tour {
   leave(): void {
     this.panel.hidden = true;
     this.at = -1;
+    this.told(0);
     for (const figure of document.querySelectorAll(".looked-at")) figure.classList.remove("looked-at");
     if (this.before) this.store.replace(this.before);
     this.before = undefined;

@@ -1,4 +1,5 @@
 import { describe, expect, it } from "vitest";
+import { PLAIN, readLook } from "../src/look";
 import { change, DEFAULTS, fromAddress, type State, same, toAddress } from "../src/state";
 
 describe("the address", () => {
@@ -17,6 +18,17 @@ describe("the address", () => {
     expect(same(read.state, state)).toBe(true);
     expect(read.state.throttle_deg).toBeUndefined();
     expect(read.state.parameters).toEqual({ "rotation.inertia": 0.2 });
+  });
+
+  it("holds how the page is looked at", () => {
+    const look = { errors: "distortion", open: ["engine", "jobs"], tour: 5 };
+    const address = toAddress(DEFAULTS, look);
+    expect(readLook(new URLSearchParams(address.slice(1)), 8)).toEqual({ look, faults: [] });
+    expect(fromAddress(address)).toEqual({ state: DEFAULTS, faults: [] });
+    expect(toAddress(DEFAULTS, PLAIN)).toBe("");
+    const wrong = readLook(new URLSearchParams("errors=all&open=engine attic&tour=9"), 8);
+    expect(wrong.look).toEqual({ ...PLAIN, open: ["engine"] });
+    expect(wrong.faults).toHaveLength(3);
   });
 
   it("tells what it cannot read and shows the default there", () => {

@@ -19,6 +19,14 @@ describe("history", () => {
     expect(store.canRedo).toBe(false);
   });
 
+  it("takes a drag back that was cancelled", () => {
+    const store = new Store(DEFAULTS);
+    store.move({ kp: 9 });
+    store.cancel();
+    expect(store.state).toEqual(DEFAULTS);
+    expect(store.canUndo).toBe(false);
+  });
+
   it("forgets what was undone when something else is done", () => {
     const store = new Store(DEFAULTS);
     store.set({ kp: 5 });

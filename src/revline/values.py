@@ -47,6 +47,10 @@ def fingerprint(*values: object) -> str:
 
 
 def _parts(value: object) -> Iterator[bytes]:
+    kind = type(value)
+    if kind is str or kind is float or kind is int or kind is bool:  # most of them
+        yield f"{kind.__name__}:{value!r}".encode()
+        return
     own = getattr(value, "content_digest", None)
     if isinstance(own, str):
         yield own.encode()

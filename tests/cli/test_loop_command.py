@@ -281,6 +281,9 @@ def test_a_gain_schedule_runs_with_the_gains_of_each_sample(revline: Command, g1
     for row in rows[:: len(rows) // 20]:
         assert float(row["kp_deg_s_per_rad"]) == pytest.approx(0.2 + 0.3 * (float(row["speed_measured_rad_s"]) - 100.0) / 300.0)
     assert record["controller"]["kp"] == pytest.approx(0.2 + 0.3 * (record["start_rad_s"] - 100.0) / 300.0)
+    assert record["warnings"] == []
+    beyond = json.loads(revline("loop", schedule, "--throttle", 40, "--step", 5, "--until", 6, "--json").out)
+    assert "whose edge's gains hold there: engine_speed = 418.614 to 4" in " ".join(beyond["warnings"])
     refused = revline("loop", g1, schedule)
     assert refused.status == 2
     assert "holds a gain schedule over signals that a linear model does not have" in " ".join(refused.err.split())

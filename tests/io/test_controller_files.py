@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from revline.design.controllers.controller import LAW, PidGains
+from revline.design.controllers.pid_controller import PidController
 from revline.errors import InvalidInputError
 from revline.io.controller_files import controller_record, parse_controller, read_controller, write_controller
 from revline.io.json_files import format_json, parse_json
@@ -47,6 +48,18 @@ def test_a_file_holds_units_law_and_origin(tmp_path: Path) -> None:
         "provenance": {"program": "revline"},
     }
     assert read_controller(path).gains.kp == 1.2
+
+
+def test_the_law_in_a_file_has_the_weights_and_the_filter_that_stand_beside_it() -> None:
+    gains = PidGains(kp=1.2, ki=2.0, kd=0.1, input_unit="rad/s", output_unit="deg", rule="amigo", designed_on="g2d")
+    for controller, words in (
+        (PidController(gains=gains), LAW),
+        (
+            PidController(gains=gains, setpoint_weight=0.0, filter_time=0.01),
+            f"{LAW}; with weights 0 and 0 of the command, the derivative filtered with 0.01 s",
+        ),
+    ):
+        assert controller_record(controller, provenance={})["law"] == words
 
 
 def test_three_gains_are_enough_and_more_keys_are_allowed(tmp_path: Path) -> None:

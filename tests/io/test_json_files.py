@@ -1,6 +1,7 @@
 import json
 import math
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from revline.errors import InvalidInputError
-from revline.io.json_files import format_json, parse_json, read_json, write_json
+from revline.io.json_files import format_compact_json, format_json, parse_json, read_json, write_json
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 
@@ -42,11 +43,20 @@ def test_arrays_are_written_as_lists() -> None:
         ({"a": np.array([math.inf])}, r'"a\[0\]" is inf and has no JSON form'),
         ({"a": None}, r'"a" is of type NoneType and has no JSON form'),
         ({"a": 1j}, r'"a" is of type complex and has no JSON form'),
+        ({"a": {"b": [np.float64(1.0), None]}}, r'"a.b\[1\]" is of type NoneType and has no JSON form'),
     ],
 )
 def test_what_has_no_json_form_is_refused(record: dict[str, object], message: str) -> None:
-    with pytest.raises(InvalidInputError, match=message):
-        format_json(record)
+    for written in (format_json, format_compact_json):
+        with pytest.raises(InvalidInputError, match=message):
+            written(record)
+
+
+def test_the_compact_form_holds_the_same() -> None:
+    nested = MappingProxyType({"b": np.array([1.0, 0.1]), "c": (True, np.int64(2), np.float64(1e-300)), "d": "null, not a null", "e": "ä"})
+    text = format_compact_json({"a": nested})
+    assert json.loads(text) == json.loads(format_json({"a": nested}))
+    assert text == '{"a":{"b":[1.0,0.1],"c":[true,2,1e-300],"d":"null, not a null","e":"ä"}}'
 
 
 @pytest.mark.parametrize(

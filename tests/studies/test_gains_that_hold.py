@@ -16,14 +16,14 @@ from revline.studies.config import StudyConfig
 from revline.studies.content_design import design_section
 from revline.studies.made import Made
 from revline.studies.material import Material
-from revline.studies.operating_map import MAP_FIGURE, SCHEDULE_FIGURE, MapResult, lost_words, map_fields, map_words
+from revline.studies.operating_map import MAP_FIGURE, SCHEDULE_FIGURE, MapResult, limit_words, lost_words, map_fields, map_words
 from revline.studies.results import NotFound, attempt
 from revline.studies.rivals import FIGURE as RIVALS_FIGURE
 from revline.studies.rivals import rivals_fields, rivals_words
 from revline.studies.study_results import StudyResults
 from revline.studies.tables import study_tables
 from revline.studies.trials import FIGURE as TRIALS_FIGURE
-from revline.studies.trials import SCHEDULE, TrialsResult, map_places, trials_fields
+from revline.studies.trials import FIXED, SCHEDULE, TrialsResult, map_points, rest_places, trials_fields
 from revline.studies.two_inputs import FIGURE as TWO_INPUTS_FIGURE
 from revline.studies.two_inputs import TwoInputsResult, find_two_inputs, two_inputs_fields, two_inputs_words
 from revline.studies.writing import find_warnings
@@ -40,7 +40,7 @@ def without(results: StudyResults) -> StudyResults:
         results,
         rivals=dataclasses.replace(results.rivals, compared=compared, ultimate=(), missing=NOTHING),
         operating_map=MapResult(
-            gains=dataclasses.replace(results.operating_map.gains, points=lost), box=(), nodes=(), schedule=(), missing=NOTHING
+            gains=dataclasses.replace(results.operating_map.gains, points=lost), box=(), limit=(), nodes=(), schedule=(), missing=NOTHING
         ),
         trials=TrialsResult(optimum=(), trials=(), missing=NOTHING),
         two_inputs=TwoInputsResult(plants=(), spark=-20.0, limited_by="", warnings=(), missing=NOTHING),
@@ -61,19 +61,27 @@ def test_the_schedule_keeps_its_bound_where_no_gains_do_and_is_accepted(results:
     (schedule,), (box,) = found.schedule, found.box
     assert schedule.worst <= schedule.peak == 2.0
     assert 0.2 < box.share < 0.5
+    (limit,) = found.limit
+    assert limit.complete
+    assert box.share <= limit.share <= 1.25 * box.share
+    assert f"more than {100.0 * limit.share:.0f} % of the map: {len(limit.ruled)} proofs, each by a cover" in map_words(found)
+    cut = dataclasses.replace(limit, complete=False)
+    assert limit_words(cut).endswith("nearer to the box that was found they could not be brought.")
     assert "only if it does little" in map_words(found)
     trials = {one.name: one.summary for one in results.trials.trials}
     assert trials[SCHEDULE].passed
     assert len(trials[SCHEDULE].places) == 6
     assert not trials["c2d"].passed
     assert trials["optimum"].passed
+    assert trials[FIXED].passed
+    assert [dict(place.place) for place in trials[FIXED].places] == [{"throttle": a, "load_torque": b} for a, b in box.box.corners]
 
 
 def test_points_that_cannot_be_tried_are_told() -> None:
     """Under 100 N m the engine does not rest at 15.5 deg, so that the schedule is tried at fewer points, and that is said."""
     config = StudyConfig(map_load_n_m=(0.0, 100.0))
     engine = lee1995()
-    places, lost = map_places({engine.name: engine}, config)
+    places, lost = rest_places({engine.name: engine}, SCHEDULE, map_points(config))
     assert len(places) == 5
     ((what, reason),) = lost
     assert what == "schedule at 15.5 deg, 100 N m, lee1995"
@@ -143,7 +151,7 @@ def test_what_was_not_found_is_said_and_not_drawn(config: StudyConfig, results: 
 def test_the_section_has_a_table_for_each_comparison(config: StudyConfig, results: StudyResults, tmp_path: object) -> None:
     section = design_section(material(config, results, tmp_path))
     tables = [block for part in section.sections for block in part.blocks if isinstance(block, TableBlock)]
-    assert [len(table.rows) for table in tables] == [len(results.rivals.compared.competitors), 5, 8]
+    assert [len(table.rows) for table in tables] == [len(results.rivals.compared.competitors), 5, 12]
     names = {table.name for table in study_tables(config, results)}
     assert {"optimum_comparison", "gain_schedule", "acceptance"} <= names
 

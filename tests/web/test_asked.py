@@ -190,7 +190,7 @@ def test_limit_cycles(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
         ("loop", {"model": MODEL, "controller": C2D, "load_step_n_m": 1}, 2, "load_step_n_m steps an engine's load torque"),
         ("loop", {"model": MODEL, "controller": C2D, "load_n_m": 1}, 2, "place a linear model at an engine's trim"),
         ("loop", {"throttle_deg": 25, "controller": C2D, "until_s": 1e9}, 2, "until_s = 1e+09 is outside its range; give 300 or less"),
-        ("limit-cycle", {"throttle_deg": 25, "controller": SAMPLED}, 2, "controller samples; samples fall differently"),
+        ("limit-cycle", {"throttle_deg": 25, "controller": SAMPLED}, 2, "the request holds a controller that samples; samples fall"),
     ],
 )
 def test_refusals_tell_what_is_wrong(name: str, entries: dict[str, Any], status: int, words: str) -> None:

@@ -1,15 +1,20 @@
 """Attacks on the server, each tried: other hosts and sites, forms, large bodies, floods, paths, and browsers' rules."""
 
 import asyncio
-import json
-from collections.abc import AsyncIterator
+import contextlib
+import select
+import socket
+import threading
+import time
+from collections.abc import AsyncIterator, Iterator
 from typing import Any
 
 import httpx
 import pytest
+import uvicorn
 
+from revline.web.connections import PatientProtocol
 from revline.web.security import HEADERS, App, Guard, Receive, Rules, Scope, Send
-from revline.web.turns import SupersededError, Turns
 
 HOST = "127.0.0.1:8765"
 RULES = Rules(hosts=frozenset({HOST, "localhost:8765"}), largest=1000, in_flight=3)
@@ -156,29 +161,120 @@ def test_web_sockets_are_not_served() -> None:
     asyncio.run(run())
 
 
-def test_of_those_that_wait_only_the_newest_is_answered() -> None:
-    async def run() -> tuple[list[Any], int]:
-        turns, order = Turns(), []
-        hold = asyncio.Event()
+def test_one_client_leaves_room_for_others() -> None:
+    async def slow(scope: Scope, receive: Receive, send: Send) -> None:
+        await asyncio.sleep(0.05)
+        await inside(scope, receive, send)
 
-        async def work(k: int) -> int:
-            order.append(k)
-            if k == 0:
-                await hold.wait()
-            return k
+    async def run() -> list[httpx.Response]:
+        transport = httpx.ASGITransport(app=Guard(slow, RULES._replace(of_one=2)))
+        async with httpx.AsyncClient(transport=transport, base_url=f"http://{HOST}") as client:
+            names = ("a", "a", "a", "b")
+            return await asyncio.gather(*(client.post("/x", content=b"{}", headers={**JSON, "x-client": name}) for name in names))
 
-        first = asyncio.create_task(turns.take("a", lambda: work(0)))
-        await asyncio.sleep(0)
-        rest = [asyncio.create_task(turns.take("a", lambda k=k: work(k))) for k in (1, 2, 3)]  # type: ignore[misc]  # loop's values
-        other = asyncio.create_task(turns.take("b", lambda: work(9)))
-        await asyncio.sleep(0.01)
-        hold.set()
-        found = await asyncio.gather(first, *rest, other, return_exceptions=True)
-        assert order == [0, 9, 3]
-        return list(found), turns.clients
+    answers = asyncio.run(run())
+    assert [answer.status_code for answer in answers] == [200, 200, 503, 200]
+    refused(answers[2], 503, "too-busy", "2 requests of this client are being answered already")
 
-    found, left = asyncio.run(run())
-    assert [found[0], found[3], found[4]] == [0, 3, 9]
-    assert [type(one) for one in found[1:3]] == [SupersededError, SupersededError]
-    assert left == 0
-    assert json.dumps(found[0]) == "0"
+
+class Quick(PatientProtocol):
+    patience = 0.5
+
+
+@pytest.fixture
+def served() -> Iterator[tuple[int, list[str]]]:
+    """A server on a real socket that is patient for half a second, and what happened to its requests."""
+    happened: list[str] = []
+
+    async def app(scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] == "lifespan":
+            return
+        try:
+            await asyncio.sleep(30.0 if scope["path"] == "/long" else 0.0)
+        except asyncio.CancelledError:
+            happened.append("given up")
+            raise
+        await inside(scope, receive, send)
+
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
+        guard = Guard(app, Rules(hosts=frozenset({f"127.0.0.1:{port}"}), patience=0.5, in_flight=2))
+        config = uvicorn.Config(guard, http=Quick, log_level="warning", lifespan="off", timeout_graceful_shutdown=1)
+        server = uvicorn.Server(config)
+        thread = threading.Thread(target=server.run, args=([listener],))
+        thread.start()
+        yield port, happened
+        server.should_exit = True
+        thread.join(10.0)
+
+
+def begin(port: int, path: str, length: int = 20) -> socket.socket:
+    line = socket.create_connection(("127.0.0.1", port), timeout=5.0)
+    head = f"POST {path} HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nContent-Type: application/json\r\nContent-Length: {length}\r\n\r\n"
+    line.sendall(head.encode())
+    return line
+
+
+def rest(line: socket.socket) -> bytes:
+    """All that is answered, up to its end or the line's."""
+    answer = b""
+    while not answer.endswith((b"}", b"0\r\n\r\n")) and (part := line.recv(65536)):
+        answer += part
+    return answer
+
+
+def test_a_body_that_trickles_is_refused_after_a_while_and_its_place_is_free(served: tuple[int, list[str]]) -> None:
+    port, _ = served
+    began = time.monotonic()
+    with begin(port, "/x") as one, begin(port, "/x") as other, begin(port, "/x", 2) as third:
+        third.sendall(b"{}")
+        assert b"too-busy" in rest(third)  # both places are taken
+        with contextlib.suppress(OSError):
+            while not select.select([one], [], [], 0.05)[0]:
+                one.sendall(b" ")
+        answer = rest(one)
+        assert answer.startswith(b"HTTP/1.1 408 ")
+        assert b"did not come within 0.5 s" in answer
+        assert rest(other).startswith(b"HTTP/1.1 408 ")
+    assert 0.4 < time.monotonic() - began < 4.0
+    with begin(port, "/x", 2) as line:
+        line.sendall(b"{}")
+        assert rest(line).startswith(b"HTTP/1.1 200 ")
+
+
+def test_a_connection_without_a_whole_head_is_closed_and_others_are_kept(served: tuple[int, list[str]]) -> None:
+    port, _ = served
+    began = time.monotonic()
+    with socket.create_connection(("127.0.0.1", port), timeout=5.0) as silent:
+        with socket.create_connection(("127.0.0.1", port), timeout=5.0) as slow:
+            for letter in "POST / HTTP/1.1":
+                with contextlib.suppress(OSError):
+                    slow.sendall(letter.encode())
+                time.sleep(0.04)
+            assert slow.recv(100) == b""
+        assert silent.recv(100) == b""
+        assert 0.4 < time.monotonic() - began < 4.0
+    with begin(port, "/x", 2) as line:
+        line.sendall(b"{}")
+        assert rest(line).startswith(b"HTTP/1.1 200 ")
+        line.sendall(b"POST /x HTT")  # the next request of a connection that was used
+        assert rest(line) == b""
+
+
+def test_a_client_that_goes_frees_its_place(served: tuple[int, list[str]]) -> None:
+    port, happened = served
+    lines = [begin(port, "/long", 2) for _ in range(2)]
+    for line in lines:
+        line.sendall(b"{}")
+    with begin(port, "/x", 2) as refused_one:
+        refused_one.sendall(b"{}")
+        assert b"too-busy" in rest(refused_one)
+    for line in lines:
+        line.close()
+    ends = time.monotonic() + 5.0
+    while happened != ["given up", "given up"]:
+        assert time.monotonic() < ends
+        time.sleep(0.01)
+    with begin(port, "/x", 2) as line:
+        line.sendall(b"{}")
+        assert rest(line).startswith(b"HTTP/1.1 200 ")

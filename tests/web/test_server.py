@@ -12,7 +12,8 @@ from typing import Any
 import httpx
 import pytest
 
-from revline.web.app import find_share, page_folder
+from revline.web.app import page_folder
+from revline.web.views import find_share
 from revline.web.workers import GIBIBYTE, WorkerError, Workers
 from tests.web.serving import PROGRAM, Server, end, start
 
@@ -65,6 +66,24 @@ def test_numbers_that_are_none_are_refused(server: Server) -> None:
         answer = httpx.post(f"{server.link}api/v1/view", content=text, headers={"content-type": "application/json"})
         assert answer.status_code == 422, text
         assert answer.json()["exit_status"] == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            '{"state": {"kp": 1,}}',
+            "the request is no JSON: Expecting property name enclosed in double quotes at character 19; send a JSON object",
+        ),
+        ("{", "the request is no JSON: Expecting property name enclosed in double quotes at character 1"),
+        ("", "the request has no content; send a JSON object"),
+        ("[1]", "the request = [1]: input should be a valid dictionary or object"),
+    ],
+)
+def test_what_is_no_json_is_told_so_and_no_control_is_blamed(server: Server, text: str, words: str) -> None:
+    problem = httpx.post(f"{server.link}api/v1/view", content=text, headers={"content-type": "application/json"}).json()
+    assert words in problem["detail"]
+    assert "control" not in problem
 
 
 def test_nothing_of_the_machine_is_read_by_a_path(server: Server) -> None:
@@ -205,11 +224,9 @@ def test_what_takes_too_long_dies_or_hoards_is_given_up_and_replaced(function: A
 
 
 def test_a_process_that_gives_no_answer_is_the_problem_of_its_parts_alone() -> None:
-    class Lost:
-        async def ask(self, *_: Any) -> Any:
-            raise WorkerError("took-too-long", "the answer took too long", "it took longer than 1 s")
+    async def lost() -> dict[str, bytes]:
+        raise WorkerError("took-too-long", "the answer took too long", "it took longer than 1 s")
 
-    lost: Any = Lost()
-    found = asyncio.run(find_share(lost, {}, ["map", "cycle"]))
+    found = asyncio.run(find_share(lost(), ["map", "cycle"]))
     assert set(found) == {"map", "cycle"}
     assert all(b'"type":"/problems/took-too-long"' in body for body in found.values())

@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from revline.cli import run
 from revline.io.engine_files import format_engine
 from revline.web.answers import LIVE, answer
 from revline.web.parameters import THESIS, changed_engine
+from revline.web.plants import find_point, fit_model, place_of
 from revline.web.state import State, parse_state
 from revline.web.view import build
 from revline.web.view.build import PARTS, make_view
@@ -168,7 +170,7 @@ def test_a_part_that_fails_leaves_the_others_whole() -> None:
 def test_without_an_operating_point_each_part_says_why(entries: dict[str, Any], control: str, words: str) -> None:
     found = view(entries, *LIVE)
     for name in LIVE:
-        if name != "words" and name not in {"promises", "answers", "roots"}:
+        if name != "words":
             assert words in found[name]["problem"]["detail"]
             assert found[name]["problem"]["control"] == control
     assert found["words"]["verdict"].startswith("no operating point: ")
@@ -275,6 +277,71 @@ def test_an_engine_that_stalls_without_a_controller_is_shown_until_then() -> Non
     assert 0.5 < found["loop"]["time_s"][-1] < 1.3
     assert found["words"]["verdict"].startswith("with the controller stable")
     assert "on the engine: stalled" in found["words"]["verdict"]
+
+
+def test_where_the_throttle_moves_nothing_its_control_is_named() -> None:
+    """Beyond saturation, at the end of the throttle's way, and where only the models lack room."""
+    for entries, control, words in (
+        ({"throttle_deg": 89.0, "amplitude_deg": 0.5}, "throttle_deg", "at 89 deg the air no longer follows the throttle"),
+        ({"throttle_deg": 90.0}, "throttle_deg", "at 90 deg the air no longer follows the throttle"),
+    ):
+        found = view(entries, "response", "gains", "margins", "loop_roots", "contours", "words")
+        for part in (found["response"]["exact"], found["gains"], found["margins"], found["loop_roots"], found["contours"]):
+            assert part["problem"]["control"] == control
+            assert words in part["problem"]["detail"]
+        assert words in found["words"]["verdict"]
+    found = view({"throttle_deg": 90.0}, "models", "promises", "answers")
+    assert all("no room for a sinusoid" in part["problem"]["detail"] for part in found.values())
+    assert all(part["problem"]["control"] == "throttle_deg" for part in found.values())
+    for part in view({"amplitude_deg": 40.0}, "promises", "answers").values():
+        assert part["problem"]["control"] == "amplitude_deg"
+
+
+def test_a_limit_near_by_and_a_kink_are_told() -> None:
+    near = view({"throttle_deg": 79.46, "amplitude_deg": 20.0}, "validity", "words")
+    assert near["validity"]["warnings"][0].startswith("a limit of rate of manifold_pressure begins near by, at throttle = 79.5569 deg")
+    assert "kink" not in near["words"]["verdict"]
+    at = view({"throttle_deg": 79.556871893, "amplitude_deg": 20.0}, "words")["words"]
+    assert at["verdict"].endswith("the engine has a kink here, and a linear model holds on one side of it alone")
+    assert any("has a kink in throttle here" in line for line in at["lines"])
+    assert view({}, "validity")["validity"] == {"warnings": []}
+
+
+def test_without_control_the_loop_is_the_engine_alone() -> None:
+    state = {"kp": 0.0, "ki": 0.0, "kd": 0.0}
+    found = view(state, "margins", "loop_roots", "roots", "promises", "words")
+    assert found["loop_roots"]["roots_rad_s"] == found["roots"]["plant"]
+    assert found["roots"]["models"]["g2d"]["closed"] == found["roots"]["models"]["g2d"]["poles"]
+    assert found["promises"] == {}
+    assert found["margins"]["no_control"] is True
+    gentle, loaded = (view({"load_n_m": load}, "point")["point"]["speed_rad_s"] for load in (-0.05, 0.05))
+    assert found["margins"]["load_gain_rad_s_per_n_m"] == pytest.approx((loaded - gentle) / 0.1, rel=1e-3)
+    assert found["words"]["verdict"].startswith("no control: kp, ki and kd are 0, so that the engine runs alone, stable by itself")
+    assert "Left alone it comes to rest with a time constant of 0.48 s." in found["words"]["lines"]
+    unstable = view({**state, "throttle_deg": 4.6}, "words")["words"]["verdict"]
+    assert "the engine alone is unstable here" in unstable
+
+
+def test_roots_of_the_loops_solve_their_equations() -> None:
+    """Each root of the exact loop and of the delayed model's makes 1 + L vanish; C1 has a pair right of the axis, as its margins say."""
+    state = parse_state(dict(zip(("kp", "ki", "kd"), THESIS[0][1:4], strict=True)))
+    found = view(state.model_dump(exclude_none=True), "loop_roots", "roots", "margins")
+    point = find_point(place_of(state))
+    model = fit_model(place_of(state), state.amplitude_deg, "g2d").fit.model
+
+    def law(s: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        return np.asarray(state.kp + state.ki / s + state.kd * s)
+
+    exact = np.array([complex(*pair) for pair in found["loop_roots"]["roots_rad_s"]])
+    fitted = np.array([complex(*pair) for pair in found["roots"]["models"]["g2d"]["closed"]])
+    row, column = (
+        [v.name for v in signals].index(name)
+        for signals, name in ((point.linear.model.outputs, "engine_speed"), (point.linear.model.inputs, "throttle"))
+    )
+    assert np.max(np.abs(1.0 + point.linear.model.transfer(exact)[:, row, column] * law(exact))) < 1e-8
+    assert np.max(np.abs(1.0 + model(fitted) * law(fitted))) < 1e-8
+    assert int(np.sum(exact.real > 0.0)) == 2
+    assert found["margins"]["stable"] is False
 
 
 def test_limits_that_exclude_the_point_name_their_control() -> None:

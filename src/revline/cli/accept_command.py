@@ -12,7 +12,6 @@ from revline.cli.controllers import HighOption, LowOption, SetpointWeightOption,
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, OutOption, QuietOption
 from revline.cli.plots import PlotOption, check_plot, write_plot
 from revline.cli.shell import Facts, Grid, Shell
-from revline.errors import InvalidInputError
 from revline.studies.loop_runs import TimingChoice
 
 if TYPE_CHECKING:
@@ -179,13 +178,9 @@ def _controller(
     weight: float | None,
 ) -> "AnyController":
     """The file's controller, sampled and within the throttle's limits."""
-    from revline.design.controllers.scheduled_pid import ScheduledController
     from revline.engine.lee1995 import lee1995_parameters
 
     found = read_any_controller(path, TimingChoice(*timing))
-    if isinstance(found, ScheduledController) and found.schedule.names[0] != SPEED:
-        message = f"the schedule in {path.name} is over {found.schedule.names[0]}, and the controller measures {SPEED}; schedule over that"
-        raise InvalidInputError(message)
     return surrounded(found, weight=weight, limits=limits, saturation=lee1995_parameters(plant).throttle.saturation_angle)
 
 
@@ -207,9 +202,6 @@ def _parts(found: "Acceptance") -> list[Facts | Grid | str]:
     table = [_row(place) for place in short.places]
     return [Facts(f"Acceptance of {short.controller}", rows), Grid("Worst of all runs", heads, table), *reasons]
 
-
-SPEED = "engine_speed"
-"""What is measured."""
 
 SHOWN = 12
 """So many reasons are shown."""

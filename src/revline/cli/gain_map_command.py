@@ -13,7 +13,7 @@ from revline.errors import InvalidInputError, NotConvergedError, PartialResultEr
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from revline.design.maps.gain_box import Floor
+    from revline.design.maps.box_gains import Floor
     from revline.design.maps.gain_box_limit import BoxLimit
     from revline.design.maps.gain_map import Design, GainGrid, GainMap
     from revline.design.maps.schedule_design import ScheduleResult
@@ -116,7 +116,7 @@ class _Asked(NamedTuple):
 
 
 def _asked(*, fixed: bool, floor: tuple[float, float], box_kd: str, prove: float | None) -> _Asked | None:
-    from revline.design.maps.gain_box import Floor
+    from revline.design.maps.box_gains import Floor
     from revline.errors import out_of_range
     from revline.io.number_lists import parse_numbers
 

@@ -7,22 +7,13 @@ import typer
 
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption, ThrottleOption
 from revline.cli.shell import Facts, Grid, Shell
-from revline.errors import InvalidInputError
-from revline.studies.loop_runs import own_limits, throttle_limits
+from revline.studies.cycle_search import find_onset_of, find_orbit, run_until_decided
 
 if TYPE_CHECKING:
-    from revline.analysis.trim import Trim
-    from revline.design.loops.closed_loop import LoopRun
     from revline.design.loops.hunting import HuntingOrbit, UnrefinedCycle
     from revline.design.loops.onset import HuntingOnset
-    from revline.io.controller_files import ControllerFile
-    from revline.system import DelaySystem
 
-AMPLE = 1.15
-"""The family from the onset is followed to this multiple of the cycle's amplitude, so that it passes the gains given."""
-
-WITHOUT_CYCLE = 0.03
-"""Where the loop does not hunt, it is followed to this part of the speed."""
+REMEDY = "`loop` runs it and tells the cycle with its spread, `accept` the gains at which it begins"
 
 
 def limit_cycle(
@@ -49,52 +40,31 @@ def limit_cycle(
     settles, diverges or stalls, that is the result.
     """
     from revline.analysis.trim import find_trim
-    from revline.design.loops.closed_loop import Limits, LoopTask, describe_outcome
-    from revline.design.loops.hunting import refine_cycle, run_to_its_end
-    from revline.design.loops.outcome import LimitCycle
-    from revline.design.plants.loop_signals import operating_point
-    from revline.engine.lee1995 import lee1995_parameters
+    from revline.design.loops.closed_loop import LoopTask, describe_outcome
+    from revline.io.controller_files import read_controller
     from revline.io.cycle_records import onset_record, run_record
     from revline.io.engine_files import load_engine
     from revline.io.json_files import format_json
 
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "limit cycle")
-    file = _read_continuous(controller)
-    gains = file.feedback_gains
+    file = read_controller(controller)
     plant = load_engine(engine)
     trim = find_trim(plant, inputs={"throttle": throttle, "load_torque": load})
-    limits = Limits(*throttle_limits(own_limits(file.controller), lee1995_parameters(plant).throttle.saturation_angle))
     with shell.busy("running the loop; the first run of all compiles it, which takes some seconds"):
-        run = run_to_its_end(plant, operating_point(trim), gains, LoopTask(command=command, until=until), limits=limits)
+        run = run_until_decided(plant, trim, file, LoopTask(command=command, until=until), name=controller.name, remedy=REMEDY)
     record, parts = dict(run_record(run)), list[Facts | Grid | str]([describe_outcome(run)])
-    orbit = None
-    if isinstance(run.outcome, LimitCycle):
-        with shell.busy("finding the cycle"):
-            orbit = refine_cycle(plant, operating_point(trim), run)
-        parts.append(_add_orbit(shell, record, orbit, f"Limit cycle of {plant.name} under {gains.rule}"))
+    with shell.busy("finding the cycle"):
+        orbit = find_orbit(plant, trim, run)
+    if orbit is not None:
+        parts.append(_add_orbit(shell, record, orbit, f"Limit cycle of {plant.name} under {file.feedback_gains.rule}"))
     if onset:
         with shell.busy("following the cycles from where they begin"):
-            begins = _find_onset(plant, trim, run, orbit)
+            begins = find_onset_of(plant, trim, run, orbit)
         record |= onset_record(begins)
         parts += _onset_parts(begins)
     shell.write(out, format_json(record), "limit cycle")
     shell.show(record, *parts, text_on=out)
-
-
-def _read_continuous(path: Path) -> "ControllerFile":
-    """Read the controller; one that samples is refused."""
-    from revline.design.controllers.pid_controller import Continuous
-    from revline.io.controller_files import read_controller
-
-    file = read_controller(path)
-    if not isinstance(file.controller.sampling, Continuous):
-        message = (
-            f"{path.name} holds a controller that samples; samples fall differently into each cycle, which then is no orbit of the engine "
-            "alone: `loop` runs it and tells the cycle with its spread, `accept` the gains at which it begins"
-        )
-        raise InvalidInputError(message)
-    return file
 
 
 def _add_orbit(shell: Shell, record: dict[str, object], orbit: "HuntingOrbit | UnrefinedCycle", title: str) -> Facts:
@@ -107,17 +77,6 @@ def _add_orbit(shell: Shell, record: dict[str, object], orbit: "HuntingOrbit | U
         return Facts(title, describe_unrefined(orbit))
     record |= orbit_record(orbit)
     return Facts(title, describe_orbit(orbit))
-
-
-def _find_onset(plant: "DelaySystem", trim: "Trim", run: "LoopRun", orbit: "HuntingOrbit | UnrefinedCycle | None") -> "HuntingOnset":
-    from revline.design.loops.hunting import UnrefinedCycle
-    from revline.design.loops.onset import RayTask, find_onset
-
-    if orbit is None:
-        largest = WITHOUT_CYCLE * run.start
-    else:
-        largest = AMPLE * (orbit.simulated.amplitude if isinstance(orbit, UnrefinedCycle) else float(orbit.harmonics[0]))
-    return find_onset(plant, trim, run.gains, RayTask(command=run.command, largest=largest), limits=run.limits)
 
 
 def _onset_parts(onset: "HuntingOnset") -> "list[Facts | Grid | str]":

@@ -7,12 +7,15 @@ import typer
 from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption
 from revline.cli.shell import Facts, Grid, Shell
 from revline.errors import InvalidInputError
+from revline.studies.throttle_map import Angles, Wording, find_throttle_map, find_widest
 
 if TYPE_CHECKING:
     from revline.analysis.operating_range import LineFit, OperatingRange
     from revline.analysis.steady_map import SteadyMap
 
 MOST_POINTS = 100_001
+
+WORDING = Wording("--from", "--to", "--linear-within")
 
 LineOption = Annotated[
     str | None, typer.Option("--line", metavar="LOW,HIGH", help="Lay a straight line through the speeds of this range [deg].")
@@ -47,32 +50,20 @@ def steady_map(
     Angles without a steady state are left out and named in the warnings. The column `stable` of the file is 1 or 0. With --line or
     --linear-within also a straight line through the speeds, by least squares, with its largest error.
     """
-    import numpy as np
-
-    from revline.analysis.steady_map import find_steady_map
     from revline.io.engine_files import load_engine
     from revline.io.point_records import format_map, line_record, map_record, operating_range_record
 
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "map")
-    if not low < high:
-        message = f"--from {low:g} is not below --to {high:g}: the angles must rise; give the lower one first"
-        raise InvalidInputError(message, low=low, high=high)
     with shell.busy("steady states"):
-        found = find_steady_map(
-            load_engine(engine),
-            sweep_input="throttle",
-            values=np.linspace(low, high, points),
-            output="engine_speed",
-            inputs={"load_torque": load},
-        )
+        found = find_throttle_map(load_engine(engine), Angles(low, high, points), load, WORDING)
     record, parts = dict(map_record(found, load=load)), _show_map(found)
     if line is not None:
         fitted = _fit(found, line)
         record["line"] = line_record(fitted)
         parts.append(Facts(f"Straight line over {fitted.low:g} to {fitted.high:g} deg", _line_facts(fitted)))
     if linear_within is not None:
-        chosen = _choose(found, linear_within, around)
+        chosen = find_widest(found, linear_within, around, WORDING)
         record["operating_range"] = operating_range_record(chosen)
         parts.append(_range_facts(chosen, linear_within))
     shell.write(out, format_map(found, load=load), "map")
@@ -98,20 +89,6 @@ def _fit(found: "SteadyMap", text: str) -> "LineFit":
         message = f"--line {text!r} names {len(ends)} angles; give the two ends of a range, for example 10,40"
         raise InvalidInputError(message, ends=len(ends))
     return fit_line(found, low=ends[0], high=ends[1])
-
-
-def _choose(found: "SteadyMap", text: str, centre: float) -> "OperatingRange":
-    from revline.analysis.operating_range import ErrorMeasure, find_operating_range
-    from revline.io.number_lists import parse_numbers
-
-    percent = text.strip().endswith("%")
-    (tolerance, *more) = parse_numbers(text.strip().removesuffix("%"), "--linear-within")
-    if more:
-        message = f"--linear-within {text!r} names more than one tolerance; give one, for example 1% or 3"
-        raise InvalidInputError(message)
-    if percent:
-        return find_operating_range(found, centre=centre, tolerance=tolerance / 100.0, measure=ErrorMeasure.FRACTION)
-    return find_operating_range(found, centre=centre, tolerance=tolerance, measure=ErrorMeasure.OUTPUT)
 
 
 def _line_facts(line: "LineFit") -> list[tuple[str, float | str, str]]:

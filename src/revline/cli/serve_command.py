@@ -5,7 +5,7 @@ import socket
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -54,6 +54,7 @@ def serve(
     import uvicorn
 
     from revline.web.app import create, page_folder
+    from revline.web.connections import PatientProtocol
 
     shell = Shell(json=json, quiet=quiet)
     token = _token(host, allow_remote=allow_remote, make=secrets.token_urlsafe)
@@ -71,7 +72,8 @@ def serve(
             webbrowser.open(link)
 
     app = create(_rules(shown, taken, token), ready=ready, data=None if data is None else data.absolute())
-    config = uvicorn.Config(app, log_level="warning", access_log=False, lifespan="on", server_header=False, timeout_graceful_shutdown=3)
+    speaks: dict[str, Any] = {"http": PatientProtocol, "server_header": False, "access_log": False, "log_level": "warning"}
+    config = uvicorn.Config(app, lifespan="on", timeout_graceful_shutdown=3, **speaks)
     try:
         uvicorn.Server(config).run(sockets=[listener])
     except KeyboardInterrupt:  # uvicorn has ended cleanly, and passes the signal on

@@ -5,8 +5,9 @@ from collections.abc import Mapping
 from typing import Final
 
 from revline.design.controllers.scheduled_pid import AnyController, ScheduledController, law_of
-from revline.design.trials.acceptance import Acceptance, AcceptanceRun, LinearLoop
+from revline.design.trials.acceptance import Acceptance, AcceptanceRun
 from revline.design.trials.gain_reserve import LARGEST, GainReserve
+from revline.design.trials.linear_place import LinearLoop
 from revline.io.controller_files import controller_record
 from revline.io.schedule_files import scheduled_record
 from revline.sampled import CrankSynchronous

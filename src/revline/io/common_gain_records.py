@@ -5,9 +5,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from revline.design.maps.gain_box import Box, BoxGains
+from revline.design.maps.gain_box import BoxGains
 from revline.design.maps.gain_box_limit import BoxLimit, Ruled
 from revline.design.maps.gain_map import GainMap
+from revline.design.maps.operating_box import Box
 from revline.design.maps.schedule_design import ScheduleResult
 from revline.io.headers import header
 from revline.io.schedule_files import table_record

@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Final
 
-from revline.design.controllers.controller import LAW
 from revline.design.controllers.pid_controller import PidController
 from revline.design.controllers.pid_update import ROUNDING_DOUBLE, ROUNDING_SINGLE, parameter_units, sampled_pid
 from revline.design.controllers.scheduled_pid import AnyController, ScheduledController, law_of, scheduled_pid
 from revline.errors import InvalidInputError, out_of_range
 from revline.io.c_controller import COMPILE, Precision, write_c_controller
 from revline.io.controller_files import controller_record
+from revline.io.controller_surroundings import law_words
 from revline.io.json_files import format_json
 from revline.io.matlab_controller import write_matlab_controller
 from revline.io.recorded_operations import flat_parameters
@@ -184,10 +184,7 @@ def _about(export: Export) -> Mapping[str, str]:
     gains, controller = export.law.gains, export.law
     about = {key: f"{value}" for key, value in export.provenance.items()}
     about |= {
-        "law": (
-            f"{LAW}; with weights {controller.setpoint_weight:g} and {controller.derivative_weight:g} of the command, "
-            f"the derivative filtered with {controller.filter_time:g} s"
-        ),
+        "law": law_words(controller),
         "rule": f"{gains.rule}, designed on {gains.designed_on}",
         "units": f"measurement and command in {gains.input_unit}, output in {gains.output_unit}, time in s",
         "sampling": _sampling_words(export.sampling),

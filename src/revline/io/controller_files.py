@@ -23,7 +23,7 @@ from typing import Final
 from revline.design.controllers.controller import LAW, PidGains
 from revline.design.controllers.pid_controller import PidController
 from revline.errors import InvalidInputError
-from revline.io.controller_surroundings import parse_surroundings, surroundings_record
+from revline.io.controller_surroundings import law_words, parse_surroundings, surroundings_record
 from revline.io.json_files import JsonRecord, read_json, write_json
 
 SCHEMA: Final = "revline.controller/1"
@@ -157,7 +157,7 @@ def controller_record(controller: PidGains | PidController, *, provenance: Mappi
         "units": gains.gain_units,
         "input_unit": gains.input_unit,
         "output_unit": gains.output_unit,
-        "law": LAW,
+        "law": law_words(controller) if isinstance(controller, PidController) else LAW,
         "derivative_acts_on": gains.derivative_acts_on,
         "rule": gains.rule,
         "designed_on": gains.designed_on,

@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping
 from typing import Final
 
-from revline.design.controllers.controller import PidGains
+from revline.design.controllers.controller import LAW, PidGains
 from revline.design.controllers.pid_controller import AntiWindup, Continuous, PidController, Timing
 from revline.errors import InvalidInputError
 from revline.io.json_files import JsonRecord
@@ -31,6 +31,20 @@ NEAR: Final = 0.76
 """How alike a key must be to one that is read, 1 being the same, to be taken for it, misspelt: a forgotten unit is."""
 
 FIXED_RATE, CRANK = "fixed-rate", "crank-synchronous"
+
+
+def law_words(controller: PidController) -> str:
+    """Say which law a controller's gains are meant for, its weights of the command and its filter in it.
+
+    Args:
+        controller: the controller.
+    """
+    if controller.setpoint_weight == 1.0 and controller.derivative_weight == controller.filter_time == 0.0:
+        return LAW
+    return (
+        f"{LAW}; with weights {controller.setpoint_weight:g} and {controller.derivative_weight:g} of the command, "
+        f"the derivative filtered with {controller.filter_time:g} s"
+    )
 
 
 def surroundings_record(controller: PidController) -> Mapping[str, object]:

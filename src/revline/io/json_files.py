@@ -183,7 +183,11 @@ def format_json(record: Mapping[str, object]) -> str:
 
 def format_compact_json(record: Mapping[str, object]) -> str:
     """Format an object as JSON text on one line without blanks, for sending; raises as `format_json`."""
-    return json.dumps(_plain(record, ""), separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    try:  # at once where it goes; None, which would pass as null, and all that is refused is looked for key by key
+        text = json.dumps(record, separators=(",", ":"), ensure_ascii=False, allow_nan=False, default=lambda value: _plain(value, ""))
+    except (InvalidInputError, TypeError, ValueError):
+        text = "null"
+    return json.dumps(_plain(record, ""), separators=(",", ":"), ensure_ascii=False, allow_nan=False) if "null" in text else text
 
 
 def _plain(value: object, key: str) -> Json:

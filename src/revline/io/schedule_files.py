@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from revline.design.controllers.controller import LAW, PidGains
+from revline.design.controllers.controller import PidGains
 from revline.design.controllers.gain_schedule import GainSchedule, Scaling
 from revline.design.controllers.scheduled_pid import ScheduledController
 from revline.errors import InvalidInputError
-from revline.io.controller_surroundings import parse_surroundings, surroundings_record
+from revline.io.controller_surroundings import law_words, parse_surroundings, surroundings_record
 from revline.io.json_files import JsonRecord
 
 KEY: Final = "schedule"
@@ -54,7 +54,7 @@ def scheduled_record(controller: ScheduledController, *, provenance: Mapping[str
     return {
         "schema": SCHEMA,
         **{f"{name}_unit": unit for name, unit in units.items()},
-        "law": LAW,
+        "law": law_words(controller.controller),
         **surroundings_record(controller.controller),
         KEY: table_record(controller.schedule),
         "provenance": provenance,

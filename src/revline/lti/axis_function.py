@@ -7,6 +7,7 @@ magnitudes. So an interval can be shown to hold no root, or one, or is halved: n
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import polynomial as poly
@@ -51,7 +52,7 @@ class AxisFunction:
     def __call__(self, w: ArrayLike) -> Complexes:
         """Evaluate at frequencies of any shape."""
         grid = np.asarray(w, dtype=float)
-        return np.asarray(poly.polyval(grid, self.plain) + poly.polyval(grid, self.turning) * np.exp(-1j * grid * self.delay))
+        return np.asarray(_values(self.plain, grid) + _values(self.turning, grid) * np.exp(-1j * grid * self.delay))
 
     def derivative(self) -> "AxisFunction":
         """Differentiate by w."""
@@ -67,17 +68,24 @@ class AxisFunction:
         """Add a function of the same delay."""
         return make_axis_function(poly.polyadd(self.plain, other.plain), poly.polyadd(self.turning, other.turning), self.delay)
 
-    def bend_bound(self, w: Floats) -> Floats:
-        """Bound the second derivative's magnitude on [0, w]."""
+    def bend_bound(self) -> Floats:
+        """Bound the second derivative's magnitude on [0, w]: by a polynomial of w, its coefficients ascending."""
         turning = np.abs(self.turning)
         twice = poly.polyadd(poly.polyder(np.abs(self.plain), 2), poly.polyder(turning, 2))
-        total = poly.polyadd(twice, poly.polyadd(2.0 * self.delay * poly.polyder(turning), self.delay**2 * turning))
-        return np.asarray(poly.polyval(w, total))
+        return np.asarray(poly.polyadd(twice, poly.polyadd(2.0 * self.delay * poly.polyder(turning), self.delay**2 * turning)))
 
     def noise(self, w: Floats) -> Floats:
         """Bound what rounding does to the value on [0, w]: a sum of so many terms, each off by a few units of its own."""
-        size = poly.polyval(w, np.abs(self.plain)) + poly.polyval(w, np.abs(self.turning))
+        size = _values(np.abs(self.plain), w) + _values(np.abs(self.turning), w)
         return np.asarray(2.0 * np.finfo(float).eps * max(self.plain.size, self.turning.size) * size)
+
+
+def _values(coefficients: NDArray[Any], w: Floats) -> NDArray[Any]:
+    """A polynomial by Horner's scheme, coefficients ascending, real or complex."""
+    total = np.full(w.shape, coefficients[-1])
+    for entry in coefficients[-2::-1].tolist():
+        total = total * w + entry
+    return total
 
 
 def make_axis_function(plain: ArrayLike, turning: ArrayLike, delay: Seconds) -> AxisFunction:
@@ -190,7 +198,7 @@ def _bisect(real: Callable[[float], float], low: float, high: float) -> float:
 
 def _divide(function: AxisFunction, high: float, collect: Callable[[_Pieces], Flags]) -> None:
     """Halve intervals of [0, high] until all are decided; `collect` takes what it needs and says which are."""
-    slope = function.derivative()
+    slope, bend = function.derivative(), function.bend_bound()
     middle, half = np.array([high / 2.0]), np.array([high / 2.0])
     while middle.size:
         if middle.size > MOST_INTERVALS:
@@ -199,7 +207,7 @@ def _divide(function: AxisFunction, high: float, collect: Callable[[_Pieces], Fl
                 "the delay is too long for the frequencies that matter, or the loop gain at high frequency too near 1"
             )
             raise NotConvergedError(message, intervals=middle.size)
-        pieces = _Pieces(middle=middle, half=half, value=function(middle), slope=slope(middle), bend=function.bend_bound(middle + half))
+        pieces = _Pieces(middle=middle, half=half, value=function(middle), slope=slope(middle), bend=_values(bend, middle + half))
         rest = ~collect(pieces)
         quarter = half[rest] / 2.0
         middle = np.concatenate([middle[rest] - quarter, middle[rest] + quarter])

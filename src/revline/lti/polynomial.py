@@ -45,7 +45,7 @@ def polynomial_values(coefficients: ArrayLike, s: ArrayLike) -> Complexes:
         coefficients: ascending powers.
         s: complex numbers of any shape.
     """
-    points, c = np.asarray(s, dtype=complex), np.asarray(coefficients, dtype=float)
+    points, c = np.asarray(s, dtype=complex), np.asarray(coefficients, dtype=float).tolist()
     total = np.full(points.shape, complex(c[-1]))
     for entry in c[-2::-1]:
         total = total * points + entry
@@ -87,23 +87,34 @@ def polynomial_roots(coefficients: ArrayLike) -> Complexes:
     raw = np.asarray(np.linalg.eigvals(companion), dtype=complex)
     gaps = np.min(np.abs(raw[:, None] - raw) + np.where(np.eye(degree) > 0.0, np.inf, 0.0), axis=1, initial=np.inf)
     alone = gaps > _CLUSTERED * np.abs(raw)
-    upper = np.array([_polish(monic, complex(z)) if free else complex(z) for z, free in zip(raw, alone, strict=True) if z.imag >= 0.0])
+    plain = monic.tolist()
+    upper = np.array([_polish(plain, complex(z)) if free else complex(z) for z, free in zip(raw, alone, strict=True) if z.imag >= 0.0])
     found = unit * np.concatenate([upper, np.conj(upper[upper.imag > 0.0])])
     return np.concatenate([np.zeros(zeros, dtype=complex), found[np.lexsort((found.imag, np.abs(found)))]])
 
 
-def _polish(coefficients: NDArray[np.float64], root: complex) -> complex:
+def _polish(coefficients: list[float], root: complex) -> complex:
     """Take Newton steps for as long as they bring the polynomial closer to zero."""
-    slopes = np.polynomial.polynomial.polyder(coefficients)
-    with np.errstate(all="ignore"):
-        value = polynomial_values(coefficients, root)
+    try:
+        value, slope = _value_and_slope(coefficients, root)
         for _ in range(_POLISH_STEPS):
-            better = root - complex(value / polynomial_values(slopes, root))
-            better_value = polynomial_values(coefficients, better)
+            better = root - value / slope
+            better_value, slope = _value_and_slope(coefficients, better)
             if not abs(better_value) < abs(value):
                 break
             root, value = better, better_value
+    except (ZeroDivisionError, OverflowError):  # as good as it gets
+        return root
     return root
+
+
+def _value_and_slope(coefficients: list[float], s: complex) -> tuple[complex, complex]:
+    """A polynomial and its derivative at one number, by Horner's scheme."""
+    value, slope = complex(coefficients[-1]), 0.0j
+    for entry in coefficients[-2::-1]:
+        slope = slope * s + value
+        value = value * s + entry
+    return value, slope
 
 
 def newton_form(numerator: ArrayLike, poles: Complexes) -> Complexes:

@@ -1,13 +1,15 @@
 """Transfer functions with a delay that stays exact: numerator / denominator * exp(-s delay)."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from revline.errors import InvalidInputError
-from revline.lti.inverse_laplace import inverse_laplace
+from revline.lti.inverse_laplace import inverse_laplace, inverse_laplace_each
 from revline.lti.polynomial import Coefficients, polynomial_roots, polynomial_values, trim_coefficients
 from revline.lti.response import Complexes, Floats, FrequencyResponse, check_delay, check_frequencies, to_decibels
 from revline.units import DEGREE, Seconds
@@ -74,12 +76,12 @@ class TransferFunction:
     @property
     def poles(self) -> Complexes:
         """Roots of the denominator in rad/s, by rising magnitude."""
-        return polynomial_roots(self.denominator)
+        return _roots_of(self.denominator).copy()
 
     @property
     def zeros(self) -> Complexes:
         """Roots of the numerator in rad/s, by rising magnitude; none for a numerator that is zero."""
-        return polynomial_roots(self.numerator) if self.numerator != (0.0,) else np.zeros(0, dtype=complex)
+        return _roots_of(self.numerator).copy() if self.numerator != (0.0,) else np.zeros(0, dtype=complex)
 
     @property
     def order(self) -> int:
@@ -193,12 +195,7 @@ class TransferFunction:
         Raises:
             InvalidInputError: the transfer function is not proper, a time is not finite, or the answer grew beyond the range of numbers.
         """
-        self._require_proper()
-        gain = self.high_frequency_gain
-        shifted = _check_times(times) - self.delay
-        poles = np.concatenate([np.zeros(1, dtype=complex), self.poles])
-        answer = gain + inverse_laplace(self._remainder(gain), poles, np.maximum(shifted, 0.0))
-        return np.where(shifted >= 0.0, answer, 0.0)
+        return step_responses((self,), times)[0]
 
     def impulse_response(self, times: ArrayLike) -> Floats:
         """Answer to a unit impulse at t = 0: the slope of the step response, exact at every time.
@@ -258,6 +255,38 @@ class TransferFunction:
         straight = [gain * c for c in self.denominator]
         padded = [*self.numerator, *([0.0] * (self.order + 1 - len(self.numerator)))]
         return [(n - d) / top for n, d in zip(padded, straight, strict=True)][: self.order]
+
+
+def step_responses(models: Sequence[TransferFunction], times: ArrayLike) -> list[Floats]:
+    """Answers of some transfer functions to a unit step; see `TransferFunction.step_response`. Those of one denominator share the work.
+
+    Args:
+        models: the transfer functions.
+        times: in s, in any order.
+
+    Raises:
+        InvalidInputError: one of them is not proper, a time is not finite, or an answer grew beyond the range of numbers.
+    """
+    grid = _check_times(times)
+    alike: dict[tuple[Coefficients, float], list[int]] = {}
+    for k, model in enumerate(models):
+        alike.setdefault((model.denominator, model.delay), []).append(k)
+    found = [np.zeros(0)] * len(models)
+    for which in alike.values():
+        shifted = grid - models[which[0]].delay
+        poles = np.concatenate([np.zeros(1, dtype=complex), models[which[0]].poles])
+        gains = [models[k].high_frequency_gain for k in which]
+        numerators = [models[k]._remainder(gain) for k, gain in zip(which, gains, strict=True)]  # noqa: SLF001 - of this module
+        answers = inverse_laplace_each(numerators, poles, np.maximum(shifted, 0.0))
+        for k, gain, answer in zip(which, gains, answers, strict=True):
+            found[k] = np.where(shifted >= 0.0, gain + answer, 0.0)
+    return found
+
+
+@lru_cache(maxsize=256)
+def _roots_of(coefficients: Coefficients) -> Complexes:
+    """Roots are asked for again and again, by each property that rests on them."""
+    return polynomial_roots(coefficients)
 
 
 def _check_times(times: ArrayLike) -> Floats:

@@ -11,7 +11,7 @@ from revline.studies.config import StudyConfig, read_table_4_1
 from revline.studies.results import title
 from revline.studies.routes import route_measures
 from revline.studies.stability_results import AT_START, AT_TARGET
-from revline.studies.trials import SCHEDULE
+from revline.studies.trials import FIXED, SCHEDULE
 
 if TYPE_CHECKING:
     from revline.studies.results import ModelsResult
@@ -108,6 +108,8 @@ def _own_checks(config: StudyConfig, results: "StudyResults") -> Iterator[Check]
         yield _check("largest difference of an optimum's Ms to that of its exact loop", gap, 0.0, 0.01)
     for schedule in results.operating_map.schedule:
         yield _check("highest Ms of the schedule above its bound", max(0.0, schedule.worst - schedule.peak), 0.0, 0.0)
+    for box, limit in zip(results.operating_map.box, results.operating_map.limit, strict=False):
+        yield _check("share that no box of fixed gains exceeds, by proofs, over the found box's", limit.share / box.share, 1.125, 0.125)
     for spectrum in results.spectra:
         distance = spectrum.offset / spectrum.spectrum.resolution
         yield _check(f"spectral peak at {spectrum.omega:g} rad/s off the input's frequency, in resolutions", distance, 0.0, 1.0)
@@ -269,7 +271,7 @@ def _design_checks(results: "StudyResults") -> Iterator[Check]:
             "ultimate gain by the relay over what its exact model reads", found.relay.ultimate.gain / found.predicted.gain, 1.0, 3e-3
         )
         yield _check("ultimate gain by bisection over the exact one, sampled", found.bisection.gain / found.sampled.gain, 1.0, 0.01)
-    for name, passes in (("c2d", False), ("optimum", True), (SCHEDULE, True)):
+    for name, passes in (("c2d", False), ("optimum", True), (FIXED, True), (SCHEDULE, True)):
         trial = results.trials.trial(name)
         passed = trial is not None and trial.summary.passed
         yield _check(f"{name}: passes the acceptance (1) or not (0)", float(passed), float(passes), 0.0)

@@ -13,13 +13,13 @@ from revline.studies.own_figures import is_drawn
 from revline.studies.results import NotFound
 from revline.studies.rivals import FIGURE as RIVALS_FIGURE
 from revline.studies.rivals import RivalsResult, rivals_words
-from revline.studies.trials import AT_POINT, OVER_MAP, PERIOD, SCHEDULE, SPREAD, Trial, trial_words
+from revline.studies.trials import AT_POINT, FIXED, OVER_MAP, PERIOD, SCHEDULE, SPREAD, Trial, trial_words
 from revline.studies.trials import FIGURE as TRIALS_FIGURE
 from revline.studies.two_inputs import FIGURE as TWO_INPUTS_FIGURE
 from revline.studies.two_inputs import LOAD_STEP, two_inputs_words
 from revline.studies.words import typographic
 
-NAMES = MappingProxyType({"c2d": "C2d", "optimum": "optimum", "schedule": "schedule"})
+NAMES = MappingProxyType({"c2d": "C2d", "optimum": "optimum", "fixed": "fixed gains", "schedule": "schedule"})
 """Controllers on trial as the tables name them."""
 
 
@@ -174,7 +174,7 @@ def _trials_table(trials: tuple[Trial, ...]) -> TableBlock:
 
 def _asked(trial: Trial) -> str:
     overshoot, settling, _, reserve = trial.summary.limits
-    battery = OVER_MAP if trial.name == SCHEDULE else AT_POINT
+    battery = OVER_MAP if trial.name in {FIXED, SCHEDULE} else AT_POINT
     size = f"steps of {battery.command:g} rad/s and {battery.load:g} N m"
     failed = trial.summary.runs - trial.summary.kept
     return (

@@ -218,8 +218,9 @@ def run_on_engine(plant: "DelaySystem", trim: "Trim", controller: "AnyController
     from revline.design.controllers.scheduled_pid import ScheduledController, law_of
     from revline.design.loops.closed_loop import run_loop
     from revline.design.loops.linear_verdict import judge_linear_system
+    from revline.design.loops.sampled_loop import check_schedule
     from revline.design.loops.sampled_step import local_law, run_sampled_step
-    from revline.design.plants.loop_signals import operating_point
+    from revline.design.plants.loop_signals import SPEED_BY_THROTTLE, operating_point
     from revline.engine.lee1995 import lee1995_parameters
 
     law, point = law_of(controller), operating_point(trim)
@@ -227,6 +228,7 @@ def run_on_engine(plant: "DelaySystem", trim: "Trim", controller: "AnyController
     low, high = throttle_limits((wanted[0], wanted[1]), lee1995_parameters(plant).throttle.saturation_angle)
     law = replace(law, low=low, high=high)
     bounded = replace(controller, controller=law) if isinstance(controller, ScheduledController) else law
+    check_schedule(plant, bounded, SPEED_BY_THROTTLE)
     local = local_law(bounded, point)
     found: LoopRun | SampledStep
     if _is_sampled(law):

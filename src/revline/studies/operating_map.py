@@ -2,12 +2,15 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from revline.analysis.threads import Progress
-from revline.design.maps.gain_box import BoxGains, Floor, find_largest_box
+from revline.design.maps.box_gains import Floor
+from revline.design.maps.gain_box import BoxGains, find_largest_box
+from revline.design.maps.gain_box_limit import BoxLimit, limit_boxes
 from revline.design.maps.gain_map import Design, GainGrid, GainMap, find_gain_map
 from revline.design.maps.schedule_design import ScheduleResult, design_schedule
 from revline.io.common_gain_records import box_record, schedule_record
@@ -29,7 +32,10 @@ SPEEDS, LOADS = 6, 4
 LITTLE = 0.25
 """Gains that hold everywhere do little where their ki is below this part of what the best point allows."""
 
-MAP_SHARE, BOX_SHARE = 0.15, 0.35
+WITHIN = 0.25
+"""By this part of its area the largest box may fall short of what is proved of all; nearer proofs are those of the command `gain-map`."""
+
+MAP_SHARE, BOX_SHARE, PROOF_SHARE = 0.1, 0.2, 0.4
 """Parts of the step's time."""
 
 
@@ -40,6 +46,7 @@ class MapResult:
     Attributes:
         gains: those that stabilise and those that keep the sensitivity at each point.
         box: the largest box of points that one set of gains holds, of those tried; nothing where there is none.
+        limit: proofs that no box is much larger; nothing where there is no box, or where it is the whole map.
         nodes: the map of the schedule's nodes, where there is a schedule.
         schedule: over speed and load.
         missing: what was not found.
@@ -47,6 +54,7 @@ class MapResult:
 
     gains: GainMap
     box: tuple[BoxGains, ...]
+    limit: tuple[BoxLimit, ...]
     nodes: tuple[GainMap, ...]
     schedule: tuple[ScheduleResult, ...]
     missing: tuple[NotFound, ...]
@@ -71,16 +79,27 @@ def find_map(engine: DelaySystem, config: StudyConfig, progress: Progress) -> Ma
     )
     gains = find_gain_map(engine, grid, Design(peak=PEAK), progress=lambda part: progress(MAP_SHARE * part))
     box, no_box = attempt("gains that hold a box of the map", lambda: find_largest_box(engine, gains, Floor()))
-    begin = MAP_SHARE + BOX_SHARE
+    progress(MAP_SHARE + BOX_SHARE)
+    limit, no_limit = tuple[BoxLimit, ...](), tuple[NotFound, ...]()
+    for one in box:
+        if one.share < 1.0:
+            limit, no_limit = attempt("limit of such boxes", partial(_limit, engine, one, gains, progress))
+    begin = MAP_SHARE + BOX_SHARE + PROOF_SHARE
     progress(begin)
     schedule, no_schedule = attempt("schedule", lambda: _find_schedule(engine, gains, lambda part: progress(begin + (1.0 - begin) * part)))
     return MapResult(
         gains=gains,
         box=box,
+        limit=limit,
         nodes=tuple(nodes for nodes, _ in schedule),
         schedule=tuple(result for _, result in schedule),
-        missing=no_box + no_schedule,
+        missing=no_box + no_limit + no_schedule,
     )
+
+
+def _limit(engine: DelaySystem, box: BoxGains, gains: GainMap, progress: Progress) -> BoxLimit:
+    begin = MAP_SHARE + BOX_SHARE
+    return limit_boxes(engine, box, gains, within=WITHIN, progress=lambda part: progress(begin + PROOF_SHARE * part))
 
 
 def _find_schedule(engine: DelaySystem, gains: GainMap, progress: Progress) -> tuple[GainMap, ScheduleResult]:
@@ -102,7 +121,7 @@ def map_fields(found: MapResult) -> dict[str, Any]:
         key: value for key, value in gain_map_record(found.gains).items() if key not in {"schema", "engine", "partial"}
     }
     for box in found.box:
-        record["fixed"] = box_record(found.gains, box, None)
+        record["fixed"] = box_record(found.gains, box, next(iter(found.limit), None))
     for nodes, schedule in zip(found.nodes, found.schedule, strict=True):
         record["schedule"] = schedule_record(nodes, schedule)
     if found.missing:
@@ -141,6 +160,7 @@ def _sentences(found: MapResult) -> Iterator[str]:
         else:
             yield f"One set of gains keeps Ms at or below {gains.peak:g} at every point: kp = {kp:.3g}, ki up to {ki:.3g}."
     yield from map(box_words, found.box)
+    yield from map(limit_words, found.limit)
     for schedule in found.schedule:
         first, second = schedule.worst_at
         yield (
@@ -155,6 +175,13 @@ def lost_words(schedule: ScheduleResult) -> str:
     if not schedule.lost:
         return ""
     return f" {len(schedule.lost)} more could not be tried (the first: {schedule.lost[0].reason})."
+
+
+def limit_words(limit: BoxLimit) -> str:
+    """What no gains can do."""
+    proofs = f"{len(limit.ruled)} proofs, each by a cover of all gains"
+    nearer = "" if limit.complete else "; nearer to the box that was found they could not be brought"
+    return f"No gains hold so much in any box of more than {100.0 * limit.share:.0f} % of the map: {proofs}{nearer}."
 
 
 def box_words(box: BoxGains) -> str:

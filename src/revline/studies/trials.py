@@ -35,8 +35,8 @@ SPREAD = 0.1
 MS = 2.0
 """Bound of the optimum that is tried beside C2d. Source of the value: Astrom and Hagglund (2006), section 4.6."""
 
-SCHEDULE_WEIGHT = 0.3
-"""Set-point weight of the scheduled controller: its integral gain is the largest that the sensitivity allows."""
+MAP_WEIGHT = 0.3
+"""Set-point weight of the controllers of the map: their integral gain is the largest that the sensitivity allows."""
 
 AT_POINT = Battery()
 """What is tried at the operating point: steps of 10 rad/s and 5 N m."""
@@ -44,7 +44,8 @@ AT_POINT = Battery()
 OVER_MAP = Battery(command=2.0, load=2.0, until=16.0, requirements=Requirements(settling_time=6.0))
 """What is tried over the map: smaller steps, which its weakest points can still follow, and more time."""
 
-SCHEDULE = "schedule"
+FIXED, SCHEDULE = "fixed", "schedule"
+"""One set of gains, in the box of the map that it holds, and the schedule over the map."""
 
 
 class Trial(NamedTuple):
@@ -77,7 +78,7 @@ class TrialsResult:
 def try_controllers(
     engine: DelaySystem, point: PointResult, controllers: ControllersResult, found: MapResult, *, config: StudyConfig, progress: Progress
 ) -> TrialsResult:
-    """Try C2d and an optimum at the operating point, and the schedule over the map."""
+    """Try C2d and an optimum at the operating point, fixed gains at the corners of their box, and the schedule over the map."""
     plants = {engine.name: engine, **spread_engine(engine, SPREAD)}
     optimum, missing = attempt("optimum", lambda: _find_optimum(engine, point))
     here = [{"throttle": config.throttle_deg, "load_torque": config.load_n_m}]
@@ -85,9 +86,15 @@ def try_controllers(
         ("c2d", _sampled(engine, controllers.gains["c2d"]), here, AT_POINT)
     ]
     tasks += [("optimum", _of_optimum(engine, best, controllers.gains["c2d"]), here, AT_POINT) for best in optimum]
-    for one in _scheduled(engine, found, controllers.gains["c2d"]):
-        between, lost = map_places(plants, config)
-        tasks += [(SCHEDULE, one, between, OVER_MAP)] if between else []
+    none = replace(controllers.gains["c2d"], kp=0.0, ki=0.0, kd=0.0, designed_on=engine.name)
+    over_map: list[tuple[str, AnyController, Sequence[tuple[float, float]]]] = [
+        (FIXED, _for_map(engine, replace(none, kp=box.kp, ki=box.ki, kd=box.kd, rule=FIXED)), box.box.corners) for box in found.box
+    ]
+    law = _for_map(engine, replace(none, rule=SCHEDULE))
+    over_map += [(SCHEDULE, ScheduledController(schedule=one.schedule, controller=law), map_points(config)) for one in found.schedule]
+    for kind, law_over_map, points in over_map:
+        at_rest, lost = rest_places(plants, kind, points)
+        tasks += [(kind, law_over_map, at_rest, OVER_MAP)] if at_rest else []
         missing += lost
     trials: list[Trial] = []
     for k, (name, controller, places, battery) in enumerate(tasks):
@@ -121,38 +128,43 @@ def _of_optimum(engine: DelaySystem, best: Optimum, like: PidGains) -> PidContro
     return replace(_sampled(engine, gains), setpoint_weight=best.terms.b)
 
 
-def _scheduled(engine: DelaySystem, found: MapResult, like: PidGains) -> list[ScheduledController]:
-    gains = replace(like, kp=0.0, ki=0.0, kd=0.0, rule="schedule", designed_on=engine.name)
-    law = replace(_sampled(engine, gains), setpoint_weight=SCHEDULE_WEIGHT)
-    return [ScheduledController(schedule=result.schedule, controller=law) for result in found.schedule]
+def _for_map(engine: DelaySystem, gains: PidGains) -> PidController:
+    return replace(_sampled(engine, gains), setpoint_weight=MAP_WEIGHT)
 
 
-def map_places(plants: Mapping[str, DelaySystem], config: StudyConfig) -> tuple[list[dict[str, float]], tuple[NotFound, ...]]:
-    """Choose points between the lines of the map and at its end, at the smallest and the largest load.
+def map_points(config: StudyConfig) -> list[tuple[float, float]]:
+    """Throttle and load between the lines of the map and at its end, at the smallest and the largest load."""
+    angles, loads = config.map_throttle_deg, config.map_load_n_m
+    chosen = (0.5 * (angles[0] + angles[1]), 0.5 * (angles[len(angles) // 2 - 1] + angles[len(angles) // 2]), angles[-1])
+    return [(angle, load) for load in (loads[0], loads[-1]) for angle in dict.fromkeys(chosen)]
+
+
+def rest_places(
+    plants: Mapping[str, DelaySystem], trial: str, points: Sequence[tuple[float, float]]
+) -> tuple[list[dict[str, float]], tuple[NotFound, ...]]:
+    """Find at which points all engines rest.
 
     Args:
         plants: all engines that are tried, by name.
-        config: with the lines of the map.
+        trial: name, for what is told.
+        points: throttle in deg and load in N m.
 
     Returns:
         Points at which every engine has a steady state, and those at which one has none, with the reason.
     """
-    angles, loads = config.map_throttle_deg, config.map_load_n_m
-    chosen = (0.5 * (angles[0] + angles[1]), 0.5 * (angles[len(angles) // 2 - 1] + angles[len(angles) // 2]), angles[-1])
     places: list[dict[str, float]] = []
     lost: tuple[NotFound, ...] = ()
-    for load in (loads[0], loads[-1]):
-        for angle in dict.fromkeys(chosen):
-            place = {"throttle": angle, "load_torque": load}
-            none = tuple(reason for name in plants for reason in _why_none(name, plants[name], place))
-            lost += none[:1]
-            places += [] if none else [place]
+    for angle, load in points:
+        place = {"throttle": angle, "load_torque": load}
+        at = f"{trial} at {angle:g} deg, {load:g} N m"
+        none = tuple(reason for name in plants for reason in _why_none(f"{at}, {name}", plants[name], place))
+        lost += none[:1]
+        places += [] if none else [place]
     return places, lost
 
 
-def _why_none(name: str, plant: DelaySystem, place: Mapping[str, float]) -> tuple[NotFound, ...]:
+def _why_none(what: str, plant: DelaySystem, place: Mapping[str, float]) -> tuple[NotFound, ...]:
     """Why an engine has no steady state at a point; nothing where it has one."""
-    what = f"{SCHEDULE} at {place['throttle']:g} deg, {place['load_torque']:g} N m, {name}"
     return attempt(what, lambda: find_trim(plant, inputs=dict(place)))[1]
 
 
@@ -207,7 +219,12 @@ def trials_figures(found: TrialsResult) -> dict[str, FigureCall]:
 def trial_words(trial: Trial) -> str:
     """A verdict in a sentence."""
     short = trial.summary
-    names = {"c2d": "C2d", "optimum": "The optimum", SCHEDULE: "The schedule, over the map,"}
+    names = {
+        "c2d": "C2d",
+        "optimum": "The optimum",
+        FIXED: "One set of gains, in its box of the map,",
+        SCHEDULE: "The schedule, over the map,",
+    }
     reserves = [place.reserve_db[0] for place in short.places if place.reserve_db]
     verdict = "passes" if short.passed else "fails"
     text = f"{names[trial.name]} {verdict}: {short.kept} of {short.runs} runs keep everything"

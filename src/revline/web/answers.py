@@ -1,6 +1,8 @@
 """Questions answered in a worker's process: bytes in, bytes out, so that nothing is decoded twice."""
 
 import json
+import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from http import HTTPStatus
 from types import MappingProxyType
@@ -15,9 +17,9 @@ from revline.web.parameters import changed_engine, list_parameters
 from revline.web.problems import CONTENT_TYPE, problem_of
 from revline.web.state import parse_state
 from revline.web.study_file import format_study
-from revline.web.view.build import make_view
+from revline.web.view.build import check_parts, make_view
 
-LIVE: Final = ("point", "response", "models", "roots", "gains", "margins", "promises", "loop", "answers", "words")
+LIVE: Final = ("point", "response", "models", "roots", "gains", "margins", "loop_roots", "promises", "loop", "answers", "words")
 """Parts that follow each move on a page."""
 
 
@@ -97,20 +99,31 @@ def answer_file(kind: str, name: str, entries: Mapping[str, Any], content: bytes
         return _as_problem(error)
 
 
-def answer_parts(entries: Mapping[str, Any], names: Sequence[str]) -> Mapping[str, bytes]:
-    """Find parts of a view, each as JSON.
+def answer_parts(entries: Mapping[str, Any], names: Sequence[str], seconds: float = math.inf) -> Mapping[str, bytes]:
+    """Find parts of a view, each as JSON; where little time is given, only the first ones.
 
     Args:
         entries: the state, which was checked before.
         names: of the parts.
+        seconds: after half of which no further part is begun; the first one always is.
+
+    Raises:
+        InvalidInputError: there is no part of a name.
     """
-    found = make_view(parse_state(entries), names)["parts"]
-    return {name: format_compact_json(found[name]).encode() for name in names}
+    began = time.perf_counter()
+    check_parts(names)
+    state = parse_state(entries)
+    found: dict[str, bytes] = {}
+    for name in names:
+        if found and time.perf_counter() - began > seconds / 2.0:
+            break
+        found[name] = format_compact_json(make_view(state, [name])["parts"][name]).encode()
+    return found
 
 
 def warm_up() -> None:
     """Find the view that a page begins with, so that all is compiled and imported."""
-    answer_parts({}, LIVE)
+    make_view(parse_state({}), LIVE)
 
 
 def _parse(body: bytes) -> Mapping[str, Any]:

@@ -1,10 +1,8 @@
 """The HTTP application of the workbench: the page, and the API under a versioned path."""
 
 import asyncio
-import json
 import os
-import time
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import asynccontextmanager
 from http import HTTPStatus
 from importlib import resources
@@ -19,22 +17,22 @@ from starlette.exceptions import HTTPException
 from starlette.middleware.gzip import GZipMiddleware
 
 from revline import __version__
-from revline.errors import RevlineError
+from revline.errors import InvalidInputError, RevlineError
 from revline.io.json_files import format_compact_json
-from revline.web.answers import LIVE, Answer, answer, answer_parts
+from revline.web.answers import LIVE, Answer, answer
 from revline.web.asked.registry import ASKED
+from revline.web.desk import Desk
 from revline.web.job_routes import job_routes, refuse_job
 from revline.web.jobs.queue import JobError, Jobs
 from revline.web.parameters import list_parameters
 from revline.web.problems import CONTENT_TYPE, make_problem, problem_of
 from revline.web.questions import Question
-from revline.web.security import App, Guard, Rules
+from revline.web.security import LONGEST_NAME, App, Client, Guard, Rules, client_of
 from revline.web.state import State, as_input_error
-from revline.web.turns import SupersededError, Turns
+from revline.web.turns import SupersededError
 from revline.web.upload_routes import upload_routes
-from revline.web.view.build import GROUPS, OF_WORDS, PARTS, WORDS
-from revline.web.view.words import view_words
-from revline.web.workers import GIBIBYTE, WorkerError, Workers
+from revline.web.view.build import PARTS, WORDS
+from revline.web.workers import WorkerError
 
 API: Final = "/api/v1"
 
@@ -55,6 +53,7 @@ class ViewRequest(BaseModel):
 
     state: State = State()
     parts: Annotated[list[str], Field(max_length=32, description=f"of {', '.join((*PARTS, WORDS))}")] = list(LIVE)
+    whole: Annotated[bool, Field(description="all parts in one answer; if false, some may be left for `later` while many wait")] = True
 
 
 class StateRequest(BaseModel):
@@ -75,30 +74,6 @@ class Problem(BaseModel):
     exit_status: Annotated[int | None, Field(description="that of the command line: 2 wrong input, 1 the analysis")] = None
     control: Annotated[str | None, Field(description="key of the state that caused it")] = None
     details: Annotated[dict[str, Any] | None, Field(description="numbers of the text, by name")] = None
-
-
-class Desk:
-    """What the routes share while the server runs.
-
-    Attributes:
-        workers: that compute what a page follows each move with.
-        slow: that compute what takes longer, so that nothing else waits for it.
-        readers: that read files.
-        turns: of the pages.
-        jobs: long work.
-    """
-
-    def __init__(self, data: Path) -> None:
-        self.workers = Workers(count=2, seconds=30.0, memory=4 * GIBIBYTE)
-        self.slow = Workers(count=1, seconds=60.0, memory=4 * GIBIBYTE)
-        self.readers = Workers(count=1, seconds=20.0, memory=2 * GIBIBYTE)
-        self.turns = Turns()
-        self.jobs = Jobs(data)
-
-    def stop(self) -> None:
-        """End all processes but those of jobs."""
-        for workers in (self.workers, self.slow, self.readers):
-            workers.stop()
 
 
 def create(rules: Rules | None = None, *, ready: Callable[[], None] | None = None, data: Path | None = None) -> App:
@@ -147,7 +122,7 @@ def create(rules: Rules | None = None, *, ready: Callable[[], None] | None = Non
 
 
 async def _warm_up(desk: Desk, ready: Callable[[], None] | None) -> None:
-    await desk.workers.warm_up()
+    await desk.live.warm_up()
     if ready is not None:
         ready()
 
@@ -168,14 +143,13 @@ def default_data() -> Path:
     return (given if given.is_absolute() else Path.home() / ".local" / "share") / "revline"
 
 
-def _desk_of(request: Request) -> tuple[Jobs, Workers]:
+def _desk_of(request: Request) -> Desk:
     desk: Desk = request.app.state.desk
-    return desk.jobs, desk.workers
+    return desk
 
 
-def _readers_of(request: Request) -> Workers:
-    desk: Desk = request.app.state.desk
-    return desk.readers
+def _client_of(request: Request) -> Client:
+    return client_of(request.scope, request.headers)
 
 
 def _api() -> APIRouter:
@@ -190,15 +164,16 @@ def _api() -> APIRouter:
         return _json(format_compact_json(list_parameters(engine)).encode())
 
     @routes.post("/view", summary="Parts of the view of a state", responses={409: {"model": Problem}}, response_model=None)
-    async def view(request: Request, asked: ViewRequest, x_client: Annotated[str, Header(max_length=64)] = "") -> Response:
+    async def view(request: Request, asked: ViewRequest, x_client: Annotated[str, Header(max_length=LONGEST_NAME)] = "") -> Response:
         """Numbers and series of a state; a part that cannot be found is {"problem": ...}, and leaves the others whole.
 
         Of a client's requests (header X-Client) one is answered at a time, and of those that wait only the newest; the others are
-        answered 409.
+        answered 409. Where `whole` is false, parts may be left for `later` while many clients wait: ask for them again, by their names.
         """
-        desk: Desk = request.app.state.desk
+        del x_client  # described here, and read with the address
+        client = _client_of(request)
         try:
-            body = await desk.turns.take(x_client or f"once-{id(request)}", lambda: _view(desk, asked))
+            body = await _desk_of(request).views.find(client.name, asked.state, asked.parts, newest=client.named, whole=asked.whole)
         except SupersededError:
             problem = make_problem("superseded", "a newer request came", "the client asked for a newer state", status=HTTPStatus.CONFLICT)
             return _problem(problem)
@@ -209,14 +184,14 @@ def _api() -> APIRouter:
     for name, entry in ASKED.items():
         routes.add_api_route(f"/{name}", _question_route(name, entry.kind), methods=["POST"], summary=entry.summary, response_model=None)
     routes.include_router(job_routes(_desk_of))
-    routes.include_router(upload_routes(_readers_of))
+    routes.include_router(upload_routes(_desk_of))
     return routes
 
 
 def _question_route(name: str, kind: type[Question]) -> Callable[..., Any]:
     async def route(request: Request, asked: Any) -> Response:
-        desk: Desk = request.app.state.desk
-        found: Answer = await desk.workers.ask(answer, name, format_compact_json(asked.model_dump(exclude_unset=True)).encode())
+        body = format_compact_json(asked.model_dump(exclude_unset=True)).encode()
+        found: Answer = await _desk_of(request).live.ask(_client_of(request).name, answer, name, body)
         return Response(found.body, status_code=found.status, media_type=found.kind)
 
     route.__annotations__["asked"] = kind
@@ -226,49 +201,11 @@ def _question_route(name: str, kind: type[Question]) -> Callable[..., Any]:
 
 def _file_route(name: str) -> Callable[..., Any]:
     async def route(request: Request, asked: StateRequest) -> Response:
-        desk: Desk = request.app.state.desk
         body = format_compact_json({"state": asked.state.model_dump(exclude_none=True)}).encode()
-        found: Answer = await desk.workers.ask(answer, name, body)
+        found: Answer = await _desk_of(request).live.ask(_client_of(request).name, answer, name, body)
         return Response(found.body, status_code=found.status, media_type=found.kind)
 
     return route
-
-
-async def _view(desk: Desk, asked: ViewRequest) -> bytes:
-    """Have the parts found side by side, and put them together without decoding them but for the words."""
-    began = time.perf_counter()
-    unknown = [name for name in asked.parts if name not in PARTS and name != WORDS]
-    if unknown:
-        answer_parts({}, unknown)  # raises, with the names that there are
-    entries = asked.state.model_dump(exclude_none=True)
-    wanted = dict.fromkeys(name for name in asked.parts if name != WORDS)
-    needed = {**wanted, **(dict.fromkeys(OF_WORDS) if WORDS in asked.parts else {})}
-    shares = [(desk.workers, [name for name in needed if name in group]) for group in GROUPS]
-    shares.append((desk.slow, [name for name in needed if not any(name in group for group in GROUPS)]))
-    found: dict[str, bytes] = {}
-    for share in await asyncio.gather(*(find_share(workers, entries, names) for workers, names in shares if names)):
-        found |= share
-    kept = [(name, found[name]) for name in wanted]
-    if WORDS in asked.parts:
-        words = view_words(*(json.loads(found[name]) for name in OF_WORDS))
-        kept.append((WORDS, format_compact_json(words).encode()))
-    parts = b",".join(b'"' + name.encode() + b'":' + body for name, body in kept)
-    return b'{"parts":{' + parts + b'},"seconds":' + f"{time.perf_counter() - began:.6f}".encode() + b"}"
-
-
-async def find_share(workers: Workers, entries: dict[str, Any], names: list[str]) -> Mapping[str, bytes]:
-    """Have some parts found; where their process gives no answer, that is the problem of these parts and of no others.
-
-    Args:
-        workers: that find them.
-        entries: the state.
-        names: of the parts.
-    """
-    try:
-        return await workers.ask(answer_parts, entries, names)
-    except WorkerError as error:
-        body = format_compact_json({"problem": error.problem}).encode()
-        return dict.fromkeys(names, body)
 
 
 def _page() -> APIRouter:
@@ -315,6 +252,10 @@ def _first_error(error: Any) -> RevlineError:
     """Word what FastAPI refused as the project words its errors."""
     entries: Sequence[Any] = error.errors()
     entry = dict(entries[0])
+    if entry["type"] == "json_invalid":
+        return InvalidInputError(f"the request is no JSON: {entry['ctx']['error']} at character {entry['loc'][-1]}; send a JSON object")
+    if entry["type"] == "missing" and entry["loc"] == ("body",):
+        return InvalidInputError("the request has no content; send a JSON object")
     entry["loc"] = tuple(part for part in entry["loc"] if part not in {"body", "state", "query", "header"})
     return as_input_error(entry)
 

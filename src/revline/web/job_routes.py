@@ -11,11 +11,11 @@ from starlette.concurrency import run_in_threadpool
 
 from revline.io.json_files import format_compact_json, format_json
 from revline.web.answers import Answer, answer
+from revline.web.desk import Desk
 from revline.web.jobs.folder import ENGINE, QUESTIONS, STATE, Kind
-from revline.web.jobs.queue import Jobs
 from revline.web.problems import CONTENT_TYPE
+from revline.web.security import client_of
 from revline.web.state import State
-from revline.web.workers import Workers
 
 RESULT_POLICY: Final = (
     "sandbox; default-src 'none'; img-src data:; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -75,59 +75,59 @@ def _refusals() -> Any:
     return {status: {"model": Answered} for status in (404, 409, 412)}
 
 
-def job_routes(shared: Callable[[Request], tuple[Jobs, Workers]]) -> APIRouter:
+def job_routes(desk_of: Callable[[Request], Desk]) -> APIRouter:
     """Make the routes.
 
     Args:
-        shared: finds the jobs, and the processes that check what is asked, of a request's server.
+        desk_of: finds what a request's server shares.
     """
     routes = APIRouter(prefix="/jobs", tags=["jobs"])
 
     @routes.post("", status_code=201, response_model=Job, responses={429: {"model": Answered}, 507: {"model": Answered}})
     async def create(request: Request, asked: JobRequest) -> Response:
         """Ask for long work: a study with its report, or sinusoids at all frequencies of the thesis."""
-        jobs, workers = shared(request)
+        desk, client = desk_of(request), client_of(request.scope, request.headers)
         state = asked.state.model_dump(exclude_none=True)
         body = format_compact_json({"state": state}).encode()
         files = {STATE: format_json(state)}
         for name, question in ((QUESTIONS, "study-file"), (ENGINE, "engine-file")):
-            found: Answer = await workers.ask(answer, question, body)
+            found: Answer = await desk.live.ask(client.name, answer, question, body)
             if found.status != HTTPStatus.OK:
                 return Response(found.body, status_code=found.status, media_type=found.kind)
             files[name] = found.body.decode()
-        record = await run_in_threadpool(jobs.create, Kind(asked.kind), files)
+        record = await run_in_threadpool(desk.jobs.create, Kind(asked.kind), files)
         return _json(record, HTTPStatus.CREATED)
 
     @routes.get("", response_model=JobList)
     def list_all(request: Request) -> Response:
         """List all jobs, the newest first."""
-        return _json(shared(request)[0].records())
+        return _json(desk_of(request).jobs.records())
 
     @routes.get("/{name}", response_model=Job, responses={404: {"model": Answered}})
     def show(request: Request, name: str) -> Response:
         """Show a job."""
-        return _json(shared(request)[0].record(name))
+        return _json(desk_of(request).jobs.record(name))
 
     @routes.post("/{name}/cancel", response_model=Job, responses=_refusals())
     def cancel(request: Request, name: str, if_match: IfMatch) -> Response:
         """Stop a job that waits or runs; what a study has finished is kept."""
-        return _json(shared(request)[0].cancel(name, _revision(if_match)))
+        return _json(desk_of(request).jobs.cancel(name, _revision(if_match)))
 
     @routes.post("/{name}/resume", response_model=Job, responses=_refusals())
     def resume(request: Request, name: str, if_match: IfMatch) -> Response:
         """Let a job that was interrupted or cancelled go on."""
-        return _json(shared(request)[0].resume(name, _revision(if_match)))
+        return _json(desk_of(request).jobs.resume(name, _revision(if_match)))
 
     @routes.delete("/{name}", status_code=204, responses=_refusals())
     def delete(request: Request, name: str, if_match: IfMatch) -> Response:
         """Remove a job that has ended, with its results."""
-        shared(request)[0].delete(name, _revision(if_match))
+        desk_of(request).jobs.delete(name, _revision(if_match))
         return Response(status_code=HTTPStatus.NO_CONTENT)
 
     @routes.get("/{name}/files/{file:path}", response_class=FileResponse, responses={404: {"model": Answered}})
     def result(request: Request, name: str, file: str) -> Response:
         """Read a result by its name in the job's list of files."""
-        return FileResponse(shared(request)[0].file(name, file), headers={"content-security-policy": RESULT_POLICY})
+        return FileResponse(desk_of(request).jobs.file(name, file), headers={"content-security-policy": RESULT_POLICY})
 
     return routes
 

@@ -18,6 +18,7 @@ from revline.design.controllers.controller import PidGains
 from revline.design.fitting.fit import add_phase_line
 from revline.design.fitting.model_choice import MODEL_STRUCTURES, ModelStructure, NamedFit, fit_structure
 from revline.design.loops.loop_run import Limits
+from revline.design.stability.open_loop import OpenLoop, open_loop_of_model
 from revline.engine.lee1995 import lee1995_parameters
 from revline.errors import InvalidInputError, RevlineError, out_of_range
 from revline.studies.config import read_table_4_1
@@ -29,6 +30,9 @@ Floats = NDArray[np.float64]
 
 KEPT: Final = 64
 """So many operating points are kept at most."""
+
+WIDE_OPEN: Final = 90.0
+"""End of the throttle's way, in deg."""
 
 MODELS: Final = ("g1", "g2", "g2d")
 """The fitted models that a view shows. Source: Lee (1995), chapter 4."""
@@ -110,9 +114,25 @@ def _structure(name: str) -> ModelStructure:
 
 def gains_of(state: State) -> PidGains:
     """Take the controller out of a state."""
-    return PidGains(
-        kp=state.kp, ki=state.ki, kd=state.kd, input_unit="rad/s", output_unit="deg", rule="by hand", designed_on="the workbench"
-    )
+    return _gains(state.kp, state.ki, state.kd)
+
+
+def _gains(kp: float, ki: float, kd: float) -> PidGains:
+    return PidGains(kp=kp, ki=ki, kd=kd, input_unit="rad/s", output_unit="deg", rule="by hand", designed_on="the workbench")
+
+
+def loop_with_model(state: State, name: str) -> OpenLoop:
+    """Break the loop of a fitted model and a state's controller, and tell whether it is stable when closed.
+
+    Raises:
+        RevlineError: the model cannot be fitted, or its loop not be judged.
+    """
+    return _loop_with_model(place_of(state), state.amplitude_deg, name, (state.kp, state.ki, state.kd))
+
+
+@lru_cache(maxsize=3 * KEPT)
+def _loop_with_model(place: Place, amplitude: float, name: str, gains: tuple[float, float, float]) -> OpenLoop:
+    return open_loop_of_model(fit_model(place, amplitude, name).fit.model, _gains(*gains))
 
 
 def limits_of(state: State, point: Point) -> Limits:
@@ -121,7 +141,7 @@ def limits_of(state: State, point: Point) -> Limits:
     Raises:
         InvalidInputError: the lower one is not below the upper one, or the angle at rest is not within them.
     """
-    saturation = lee1995_parameters(point.engine).throttle.saturation_angle
+    saturation = _saturation(place_of(state))
     low = 0.0 if state.low_deg is None else state.low_deg
     high = saturation if state.high_deg is None else state.high_deg
     if not low < high:
@@ -130,7 +150,7 @@ def limits_of(state: State, point: Point) -> Limits:
     angle = point.trim.input("throttle")
     if not low <= angle <= high:
         asked = "low_deg" if angle < low else "high_deg"
-        control = asked if getattr(state, asked) is not None else "throttle_deg" if state.speed_rad_s is None else "speed_rad_s"
+        control = asked if getattr(state, asked) is not None else _control_of_point(state)
         message = (
             f"the throttle rests at {angle:.4g} deg, outside its limits of {low:g} to {high:g} deg; give other limits, or another point"
         )
@@ -138,28 +158,66 @@ def limits_of(state: State, point: Point) -> Limits:
     return Limits(low, high)
 
 
+@lru_cache(maxsize=KEPT)
+def _saturation(place: Place) -> float:
+    """The throttle angle from which on it lets no more air pass."""
+    return lee1995_parameters(find_point(place).engine).throttle.saturation_angle
+
+
 def control_of(error: RevlineError, state: State) -> str:
     """Name the key of a state that an error is about, as far as that can be told; the operating point's where it has no steady state."""
     named = error.details.get("control")
     if isinstance(named, str):
         return named
-    point = "throttle_deg" if state.speed_rad_s is None else "speed_rad_s"
     return {
-        "NoTrimError": point,
+        "NoTrimError": _control_of_point(state),
         "StalledError": "command_rad_s",
     }.get(type(error).__name__, "")
+
+
+def _control_of_point(state: State) -> str:
+    return "throttle_deg" if state.speed_rad_s is None else "speed_rad_s"
 
 
 def check_amplitude(state: State, point: Point) -> None:
     """Refuse a sinusoid that would leave the throttle's range.
 
     Raises:
-        InvalidInputError: it would.
+        InvalidInputError: it would; `details` has the control that can mend it.
     """
     angle = point.trim.input("throttle")
-    room = min(angle, 90.0 - angle)
+    room = min(angle, WIDE_OPEN - angle)
+    if room <= 0.0:
+        message = (
+            f"about {angle:.4g} deg there is no room for a sinusoid: the throttle goes from 0 to {WIDE_OPEN:g} deg; move it off its end"
+        )
+        raise InvalidInputError(message, control=_control_of_point(state), angle=angle)
     if state.amplitude_deg > room:
         error = out_of_range(
-            "amplitude_deg", state.amplitude_deg, "deg", f"0 to {room:.4g} deg, the room about {angle:.4g} deg", "give less"
+            "amplitude_deg",
+            state.amplitude_deg,
+            "deg",
+            f"0 to {room:.4g} deg, the room that the throttle has about {angle:.4g} deg within 0 to {WIDE_OPEN:g} deg",
+            f"give {room:.4g} deg or less",
         )
         raise InvalidInputError(str(error), **{**error.details, "control": "amplitude_deg"})
+
+
+def check_influence(state: State, point: Point) -> None:
+    """Refuse an operating point at which the speed does not answer the throttle.
+
+    Raises:
+        InvalidInputError: it does not.
+    """
+    if point.linear.model.static_gain("throttle", "engine_speed") == 0.0:
+        angle = point.trim.input("throttle")
+        message = (
+            f"at {angle:.4g} deg the air no longer follows the throttle: to move it changes nothing, so that there is no response "
+            "and no loop; choose a smaller angle"
+        )
+        raise InvalidInputError(message, control=_control_of_point(state), angle=angle)
+
+
+def has_control(state: State) -> bool:
+    """Whether any gain of the controller is other than 0."""
+    return bool(state.kp or state.ki or state.kd)

@@ -5,8 +5,10 @@ names that are not this server's (DNS rebinding), origins against requests from 
 send one.
 """
 
+import asyncio
 import secrets
-from collections.abc import Awaitable, Callable, Iterable, MutableMapping
+from collections import Counter
+from collections.abc import Awaitable, Callable, Iterable, Mapping, MutableMapping
 from http import HTTPStatus
 from http.cookies import SimpleCookie
 from typing import Any, Final, NamedTuple
@@ -29,6 +31,9 @@ FILE_KINDS: Final = ("text/csv", "application/toml", "application/octet-stream")
 """Kinds of uploaded files; none that a form can send."""
 
 COOKIE: Final = "revline_token"
+
+LONGEST_NAME: Final = 64
+"""Characters of a client's name."""
 
 POLICY: Final = "; ".join(
     (
@@ -63,14 +68,18 @@ class Rules(NamedTuple):
         token: that each request must bring; empty where none is needed.
         largest: bytes of a request's body at most.
         in_flight: requests at once at most.
+        of_one: requests of one client at once at most.
         largest_file: bytes of an uploaded file at most.
+        patience: seconds in which a request's body must have come.
     """
 
     hosts: frozenset[str]
     token: str = ""
     largest: int = 256 * 1024
     in_flight: int = 200
+    of_one: int = 100
     largest_file: int = 5 * 1024 * 1024
+    patience: float = 20.0
 
     def largest_of(self, scope: Scope) -> int:
         """Bytes of a request's body at most."""
@@ -86,7 +95,8 @@ class Guard:
     """
 
     def __init__(self, app: App, rules: Rules) -> None:
-        self._app, self._rules, self._running = app, rules, 0
+        self._app, self._rules = app, rules
+        self._running: Counter[str] = Counter()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Refuse a request, or pass it on and mark the answer."""
@@ -96,17 +106,28 @@ class Guard:
             return
         headers = {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
         refused = self._refusal(scope, headers)
-        if refused is None and self._running >= self._rules.in_flight:
-            detail = f"{self._running} requests are being answered already; try again in a moment"
-            refused = make_problem("too-busy", "too many requests at once", detail, status=HTTPStatus.SERVICE_UNAVAILABLE)
+        client = client_of(scope, headers).name
+        if refused is None:
+            refused = self._crowd(client)
         if refused is not None:
             await self._refuse(send, refused)
             return
-        self._running += 1
+        self._running[client] += 1
         try:
             await self._pass(scope, receive, send)
         finally:
-            self._running -= 1
+            self._running[client] -= 1
+            if not self._running[client]:
+                del self._running[client]
+
+    def _crowd(self, client: str) -> dict[str, Any] | None:
+        """Refuse more at once than can be answered, and what would leave no room for others."""
+        of_all, of_one = self._running.total(), self._running.get(client, 0)
+        if of_all < self._rules.in_flight and of_one < self._rules.of_one:
+            return None
+        whose = "requests" if of_all >= self._rules.in_flight else "requests of this client"
+        detail = f"{of_all if whose == 'requests' else of_one} {whose} are being answered already; try again in a moment"
+        return make_problem("too-busy", "too many requests at once", detail, status=HTTPStatus.SERVICE_UNAVAILABLE)
 
     def _refusal(self, scope: Scope, headers: MutableMapping[str, str]) -> dict[str, Any] | None:
         rules, host = self._rules, headers.get("host", "")
@@ -138,21 +159,25 @@ class Guard:
         return None
 
     async def _pass(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Read the body, which is small, and pass the request on; mark the answer."""
-        parts, size, more = [], 0, scope["method"] not in SAFE
-        while more:
-            message = await receive()
-            if message["type"] == "http.disconnect":
-                return
-            parts.append(message.get("body", b""))
-            size, more = size + len(parts[-1]), message.get("more_body", False)
-            if size > self._rules.largest_of(scope):
-                await self._refuse(send, _too_large(self._rules.largest_of(scope)))
-                return
-        kept = [{"type": "http.request", "body": b"".join(parts), "more_body": False}]
+        """Read the body, which is small, and pass the request on; mark the answer. Nothing more is done for a client that is gone."""
+        try:
+            async with asyncio.timeout(self._rules.patience):
+                body = await self._read(scope, receive)
+        except TimeoutError:
+            await self._refuse(send, _too_slow(self._rules.patience))
+            return
+        if body is None:
+            return
+        if len(body) > self._rules.largest_of(scope):
+            await self._refuse(send, _too_large(self._rules.largest_of(scope)))
+            return
+        kept, gone = [{"type": "http.request", "body": body, "more_body": False}], asyncio.Event()
 
         async def replayed() -> Message:
-            return kept.pop() if kept else await receive()
+            if kept:
+                return kept.pop()
+            await gone.wait()
+            return {"type": "http.disconnect"}
 
         async def marked(message: Message) -> None:
             if message["type"] == "http.response.start":
@@ -164,7 +189,29 @@ class Guard:
                 }
             await send(message)
 
-        await self._app(scope, replayed, marked)
+        answering = asyncio.ensure_future(self._app(scope, replayed, marked))
+        watching = asyncio.ensure_future(_watch(receive, gone))
+        try:
+            await asyncio.wait([answering, watching], return_when=asyncio.FIRST_COMPLETED)
+            if not answering.done():
+                answering.cancel()
+            await asyncio.wait([answering])
+            if not answering.cancelled():
+                answering.result()
+        finally:
+            answering.cancel()
+            watching.cancel()
+
+    async def _read(self, scope: Scope, receive: Receive) -> bytes | None:
+        """Read the body, or one byte more than it may have; none where the client went."""
+        parts, size, more = [], 0, scope["method"] not in SAFE
+        while more and size <= self._rules.largest_of(scope):
+            message = await receive()
+            if message["type"] == "http.disconnect":
+                return None
+            parts.append(message.get("body", b""))
+            size, more = size + len(parts[-1]), message.get("more_body", False)
+        return b"".join(parts)
 
     def _cookie(self, scope: Scope) -> list[tuple[bytes, bytes]]:
         """The token as a cookie, for who came with it in the link."""
@@ -180,6 +227,32 @@ class Guard:
             extra.append(("retry-after", "1"))
         await send({"type": "http.response.start", "status": problem["status"], "headers": _encoded([*HEADERS, *extra])})
         await send({"type": "http.response.body", "body": body})
+
+
+class Client(NamedTuple):
+    """Who asks.
+
+    Attributes:
+        name: of the page or program, or its address.
+        named: whether it gave its name.
+    """
+
+    name: str
+    named: bool
+
+
+def client_of(scope: Scope, headers: Mapping[str, str]) -> Client:
+    """Tell clients apart by the name that they give, else by their address."""
+    given = headers.get("x-client", "")
+    address = (scope.get("client") or ("",))[0]
+    return Client(f"{address} {given[:LONGEST_NAME]}", named=True) if given else Client(str(address), named=False)
+
+
+async def _watch(receive: Receive, gone: asyncio.Event) -> None:
+    """Wait until a client is gone; what else it sends is for later."""
+    while (await receive())["type"] != "http.disconnect":
+        pass
+    gone.set()
 
 
 def _own_origin(headers: MutableMapping[str, str], host: str) -> bool:
@@ -203,6 +276,11 @@ def _token_of(scope: Scope, headers: MutableMapping[str, str]) -> str:
         return cookie.value
     query = scope.get("query_string", b"").decode("latin-1")
     return next((part[6:] for part in query.split("&") if part.startswith("token=")), "")
+
+
+def _too_slow(limit: float) -> dict[str, Any]:
+    detail = f"the request did not come within {limit:g} s; send it at once, or over a faster line"
+    return make_problem("too-slow", "the request came too slowly", detail, status=HTTPStatus.REQUEST_TIMEOUT)
 
 
 def _too_large(limit: int) -> dict[str, Any]:

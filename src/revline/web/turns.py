@@ -1,56 +1,193 @@
-"""Turns of clients: one request of a client is answered at a time, and of those that wait only the newest."""
+"""Turns at the processes: clients take turns, whoever asks most, and of a client's views that wait only the newest is answered."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
-from typing import TypeVar
+from collections import Counter, OrderedDict, deque
+from collections.abc import AsyncIterator, Awaitable
+from contextlib import asynccontextmanager
+from typing import Any, Final, TypeVar
 
 T = TypeVar("T")
+
+AHEAD: Final = 4
+"""A place that comes free looks among so many of the first clients for one that it worked for last: it is quicker at what it knows."""
+
+PASSED: Final = 2
+"""So many others may be taken before the first."""
+
+HOMES: Final = 1024
+"""Clients of whom it is remembered which place worked for them, at most."""
+
+PATIENCE: Final = 5.0
+"""Seconds that work goes on for a client that is gone: mostly it ends by then, and a process that is ended must warm up anew."""
 
 
 class SupersededError(Exception):
     """A newer request of the same client came while this one waited."""
 
 
-class _Client:
-    """A client's turn."""
+class Turn:
+    """A client's turn: the places that it has, and how many other clients wait for theirs.
 
-    def __init__(self) -> None:
-        self.lock = asyncio.Lock()
-        self.newest = 0
-        self.present = 0
+    Attributes:
+        places: that work for the client alone until they are given back.
+        others: clients that wait.
+    """
+
+    def __init__(self, turns: "Turns", places: list[int], others: int) -> None:
+        self._turns, self.places, self.others = turns, places, others
+
+    async def work(self, place: int, done: Awaitable[T]) -> T:
+        """Wait for what a place does, then give it back; where the client is gone meanwhile, as soon as the place is free.
+
+        Args:
+            place: one of the turn's.
+            done: what it does.
+        """
+        task = asyncio.ensure_future(done)
+        self.places.remove(place)
+        try:
+            return await asyncio.shield(task)
+        finally:
+            if task.done():
+                self._turns.free(place)
+            else:
+                self._turns.leave(place, task)
+
+
+class _Wish:
+    """What a client waits for."""
+
+    def __init__(self, *, newest: bool, most: int) -> None:
+        self.newest, self.most = newest, most
+        self.turn: asyncio.Future[Turn] = asyncio.get_running_loop().create_future()
 
 
 class Turns:
-    """Keeps the turns of all clients that are being answered."""
+    """Shares some places among clients: each has one turn at a time, and the client that waits longest comes next.
 
-    def __init__(self) -> None:
-        self._clients: dict[str, _Client] = {}
+    Args:
+        places: how many.
+    """
+
+    def __init__(self, places: int) -> None:
+        self._free = list(range(places))
+        self._waiting: OrderedDict[str, deque[_Wish]] = OrderedDict()
+        self._present: Counter[str] = Counter()
+        self._homes: OrderedDict[str, int] = OrderedDict()
+        self._passed = 0
+        self._left: set[asyncio.Task[None]] = set()
 
     @property
     def clients(self) -> int:
-        """How many clients are being answered or wait."""
-        return len(self._clients)
+        """How many clients have their turn or wait."""
+        return len(self._present.keys() | self._waiting.keys())
 
-    async def take(self, client: str, work: Callable[[], Awaitable[T]]) -> T:
-        """Do a client's work when its turn comes.
+    @property
+    def unused(self) -> int:
+        """How many places are free."""
+        return len(self._free)
+
+    @asynccontextmanager
+    async def turn(self, client: str, *, newest: bool = False, most: int = 1) -> AsyncIterator[Turn]:
+        """Wait for a client's turn.
 
         Args:
             client: who asks.
-            work: what is asked.
+            newest: whether it takes the place of what the client asked for so before, and that still waits.
+            most: places that can be used, where nobody else waits.
 
         Raises:
             SupersededError: the client asked for something newer meanwhile.
         """
-        entry = self._clients.setdefault(client, _Client())
-        entry.newest += 1
-        mine = entry.newest
-        entry.present += 1
+        wish = self._ask(client, _Wish(newest=newest, most=most))
         try:
-            async with entry.lock:
-                if mine != entry.newest:
-                    raise SupersededError
-                return await work()
+            turn = await wish.turn
+        except BaseException:
+            self._forget(client, wish)
+            raise
+        try:
+            yield turn
         finally:
-            entry.present -= 1
-            if not entry.present:
-                self._clients.pop(client, None)
+            self._go(client, turn.places)
+
+    def free(self, place: int) -> None:
+        """Take a place back."""
+        self._free.append(place)
+        self._serve()
+
+    def leave(self, place: int, task: "asyncio.Future[Any]") -> None:
+        """Take a place back when what it does for a client that is gone has ended, or was ended after a while."""
+
+        async def wait() -> None:
+            if not (await asyncio.wait([task], timeout=PATIENCE))[0]:
+                task.cancel()
+                await asyncio.wait([task])
+            if not task.cancelled():
+                task.exception()  # nobody asks for it any more
+            self.free(place)
+
+        waiting = asyncio.create_task(wait())
+        self._left.add(waiting)
+        waiting.add_done_callback(self._left.discard)
+
+    def _ask(self, client: str, wish: _Wish) -> _Wish:
+        wishes = self._waiting.setdefault(client, deque())
+        if wish.newest and wishes and wishes[-1].newest:
+            wishes.pop().turn.set_exception(SupersededError())
+        wishes.append(wish)
+        self._serve()
+        return wish
+
+    def _forget(self, client: str, wish: _Wish) -> None:
+        """Drop a wish that is waited for no more, or the turn that it was given just then."""
+        wishes = self._waiting.get(client, deque())
+        if wish in wishes:
+            wishes.remove(wish)
+            if not wishes:
+                del self._waiting[client]
+        elif wish.turn.done() and not wish.turn.cancelled() and wish.turn.exception() is None:
+            self._go(client, wish.turn.result().places)
+
+    def _serve(self) -> None:
+        """Give free places to those who wait."""
+        while self._free:
+            client = self._next()
+            if client is None:
+                return
+            wishes = self._waiting.pop(client)
+            wish = wishes.popleft()
+            if wishes:
+                self._waiting[client] = wishes  # behind all others
+            self._give(client, wish)
+
+    def _next(self) -> str | None:
+        """Who comes next: one of the first for whom a free place worked last, else the first."""
+        ready = [client for client in self._waiting if client not in self._present][:AHEAD]
+        if ready:
+            here = [client for client in ready if self._homes.get(client, self._free[0]) in self._free]
+            self._passed = self._passed + 1 if here and here[0] != ready[0] and self._passed < PASSED else 0
+            return here[0] if self._passed else ready[0]
+        return next((client for client, wishes in self._waiting.items() if not wishes[0].newest), None)  # a program may use what is idle
+
+    def _give(self, client: str, wish: _Wish) -> None:
+        others = sum(one not in self._present for one in self._waiting)
+        free, home = sorted(self._free), self._homes.get(client)
+        alone = [home if home in free else free[0]]
+        places = alone if others or wish.most == 1 else free[: wish.most]
+        self._free = [place for place in free if place not in places]
+        self._homes[client] = places[0]
+        self._homes.move_to_end(client)
+        if len(self._homes) > HOMES:
+            self._homes.popitem(last=False)
+        if wish.turn.cancelled():  # its client went just now
+            self._free += places
+            return
+        self._present[client] += 1
+        wish.turn.set_result(Turn(self, places, others))
+
+    def _go(self, client: str, places: list[int]) -> None:
+        self._present[client] -= 1
+        if not self._present[client]:
+            del self._present[client]
+        self._free += places
+        self._serve()

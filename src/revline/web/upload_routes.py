@@ -8,19 +8,19 @@ from fastapi import APIRouter, Query, Request, Response
 
 from revline.errors import InvalidInputError
 from revline.web.answers import Answer, answer_file
-from revline.web.security import FILE_KINDS
+from revline.web.desk import Desk
+from revline.web.security import FILE_KINDS, client_of
 from revline.web.state import parse_state
-from revline.web.workers import Workers
 
 Name = Annotated[str, Query(max_length=80, description="of the file, for messages; it is only repeated")]
 StateText = Annotated[str, Query(max_length=8192, description="state that it is compared with, as JSON")]
 
 
-def upload_routes(shared: Callable[[Request], Workers]) -> APIRouter:
+def upload_routes(desk_of: Callable[[Request], Desk]) -> APIRouter:
     """Make the routes.
 
     Args:
-        shared: finds the processes that read files, of a request's server.
+        desk_of: finds what a request's server shares.
     """
     routes = APIRouter(prefix="/files", tags=["files"])
 
@@ -29,7 +29,8 @@ def upload_routes(shared: Callable[[Request], Workers]) -> APIRouter:
         """Read a frequency response (CSV), a recorded log (CSV) or an engine file (TOML); nothing of it is kept."""
         entries = parse_state(_parse_state(state)).model_dump(exclude_none=True)
         content = await request.body()
-        found: Answer = await shared(request).ask(answer_file, kind, name, entries, content)
+        client = client_of(request.scope, request.headers)
+        found: Answer = await desk_of(request).readers.ask(client.name, answer_file, kind, name, entries, content)
         return Response(found.body, status_code=found.status, media_type=found.kind)
 
     return routes

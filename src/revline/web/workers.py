@@ -13,6 +13,7 @@ from pebble import ProcessExpired, ProcessPool
 
 from revline.web.answers import warm_up
 from revline.web.problems import make_problem
+from revline.web.turns import Turns
 
 T = TypeVar("T")
 
@@ -91,6 +92,53 @@ class Workers:
     def stop(self) -> None:
         """End all processes."""
         _end(self._pool)
+
+
+class Crew:
+    """Processes for one kind of work, shared by clients in turns; each has its own work, so that it is given what it has begun already.
+
+    Args:
+        count: how many.
+        seconds: that one question may take.
+        memory: bytes of address space that each may have.
+    """
+
+    def __init__(self, *, count: int, seconds: float, memory: int) -> None:
+        self._workers = tuple(Workers(count=1, seconds=seconds, memory=memory) for _ in range(count))
+        self.turns = Turns(count)
+
+    @property
+    def count(self) -> int:
+        """How many processes there are."""
+        return len(self._workers)
+
+    async def ask(self, client: str, function: Callable[..., T], *arguments: object) -> T:
+        """Have one of the processes compute when the client's turn comes.
+
+        Args:
+            client: who asks.
+            function: found by its module and name in the process.
+            arguments: of the function.
+
+        Raises:
+            WorkerError: as `Workers.ask`.
+        """
+        async with self.turns.turn(client) as turn:
+            place = turn.places[0]
+            return await turn.work(place, self.at(place, function, *arguments))
+
+    async def at(self, place: int, function: Callable[..., T], *arguments: object) -> T:
+        """Have the process of a place compute, for whoever has its turn there."""
+        return await self._workers[place].ask(function, *arguments)
+
+    async def warm_up(self) -> None:
+        """Have each process import and compile what a page asks for."""
+        await asyncio.gather(*(workers.warm_up() for workers in self._workers))
+
+    def stop(self) -> None:
+        """End all processes."""
+        for workers in self._workers:
+            workers.stop()
 
 
 def _end(pool: Any) -> None:

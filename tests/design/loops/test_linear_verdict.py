@@ -91,3 +91,13 @@ def test_what_no_factor_mends_and_what_has_no_margins_is_told_so() -> None:
     assert (nothing.stable, nothing.warning) == (True, "")
     sampled = replace(law(0.5, 0.5), sampling=FixedRate(period=0.05))
     assert judge_linear_model(model(1.0, 2.0, 1.0, delay=0.1), sampled).stable
+
+
+def test_the_crossing_at_half_the_sampling_frequency_is_one(trimmed: tuple[DelaySystem, Trim]) -> None:
+    """The loop is real there in any case; a root of its phase that the cut-off sum puts just below is the same crossing."""
+    found = judge_linear_system(*trimmed, replace(law(0.4, 0.66), sampling=FixedRate(period=0.3)))
+    assert found.unstable_poles == 1.0
+    assert found.margins is not None
+    (only,) = found.margins.phase_crossovers
+    assert only.frequency == pytest.approx(math.pi / 0.3)
+    assert found.stable_range == (0.0, only.gain_margin)

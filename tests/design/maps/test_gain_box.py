@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from revline.design.maps import gain_box
-from revline.design.maps.gain_box import Box, BoxGains, Floor, find_largest_box, try_gains
+from revline.design.maps.box_gains import CommonGains, Floor, try_gains
+from revline.design.maps.gain_box import BoxGains, find_largest_box
 from revline.design.maps.gain_box_limit import BoxLimit, limit_boxes
 from revline.design.maps.gain_map import Design, GainGrid, GainMap, GainPoint, find_gain_map, solve_point
+from revline.design.maps.operating_box import CORNERS, Box
 from revline.design.regions.sensitivity_contour import find_peaks
 from revline.engine.lee1995 import lee1995
 from revline.errors import InvalidInputError, NotConvergedError
@@ -52,15 +54,41 @@ def test_fixed_gains_hold_in_their_box(found: BoxGains) -> None:
         assert found.ki >= 0.1 * point.best.ki
 
 
-def test_gains_that_fail_between_the_lines_are_refused(engine_map: GainMap, monkeypatch: pytest.MonkeyPatch) -> None:
-    lines = [engine_map.grid.first_values.tolist(), engine_map.grid.second_values.tolist()]
+def test_gains_that_fail_inside_are_refused(engine_map: GainMap, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail_inside(*asked: Any) -> tuple[float, float]:
+        return (1.5 if asked[3] in Box(15.0, 45.0, 0.0, 40.0).corners else 2.3), 1.2
 
-    def fail_between(*asked: Any) -> tuple[float, float]:
-        return (1.5 if asked[3][0] in lines[0] and asked[3][1] in lines[1] else 2.3), 1.2
-
-    monkeypatch.setattr(gain_box, "try_gains", fail_between)
-    with pytest.raises(NotConvergedError, match=r"do not between them: kp = .* have a peak of 2.3 at throttle = .*; take a finer map"):
+    monkeypatch.setattr(gain_box, "try_gains", fail_inside)
+    with pytest.raises(NotConvergedError, match=r"do not hold its inside: kp = .* have a peak of 2.3 at throttle = .*; take a finer map"):
         find_largest_box(lee1995(), engine_map, Floor(share=0.01))
+
+
+def test_a_point_inside_that_fails_is_served_next(engine_map: GainMap, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first gains fail at a planted point; the box then grows anew with that point among those that must have gains in common."""
+    true, planted = try_gains, (33.0, 24.0)
+    asked_at = list[tuple[float, float]]()
+    served = list[tuple[tuple[float, float], ...]]()
+
+    def fail_once(*asked: Any) -> tuple[float, float]:
+        asked_at.append(asked[3])
+        peak, slack = true(*asked)
+        return (2.5 if asked[3] == planted and asked_at.count(planted) == 1 else peak), slack
+
+    class Spied(CommonGains):
+        def gentlest(self, box: Box, shares: tuple[tuple[float, float], ...]) -> tuple[float, float]:
+            served.append(shares)
+            return super().gentlest(box, shares)
+
+    monkeypatch.setattr(gain_box, "try_gains", fail_once)
+    monkeypatch.setattr(gain_box, "CommonGains", Spied)
+    assert find_largest_box(lee1995(), engine_map, Floor(share=0.01)).share == pytest.approx(1.0)
+    assert served == [CORNERS, (*CORNERS, pytest.approx((0.6, 0.6)))]
+
+
+def test_the_box_does_not_depend_on_the_grid(found: BoxGains) -> None:
+    """Its edges lie between the lines, wherever these are."""
+    other = find_gain_map(lee1995(), grid([15.0, 45.0], [0.0, 40.0]))  # no gains hold its one cell
+    assert find_largest_box(lee1995(), other, Floor(share=0.1)).share == pytest.approx(found.share, rel=1e-3)
 
 
 def test_a_map_of_small_numbers_keeps_its_lines() -> None:
@@ -101,7 +129,7 @@ def test_a_small_floor_is_held_everywhere_and_a_large_one_nowhere(engine_map: Ga
     whole = find_largest_box(lee1995(), engine_map, Floor(share=0.01))
     assert whole.share == pytest.approx(1.0)
     assert whole.worst < 2.0
-    with pytest.raises(NotConvergedError, match="no gains hold even one cell"):
+    with pytest.raises(NotConvergedError, match="no gains hold even a cell"):
         find_largest_box(lee1995(), engine_map, Floor(share=1.0))
 
 

@@ -12,14 +12,17 @@ from revline import signals
 from revline.analysis.linearize import linearize
 from revline.analysis.trim import find_trim
 from revline.design.controllers.controller import PidGains
+from revline.design.controllers.gain_schedule import GainSchedule
 from revline.design.controllers.pid_controller import PidController
+from revline.design.controllers.scheduled_pid import ScheduledController
 from revline.design.loops.run_ending import Ending, Seen, judge_ending
 from revline.design.loops.sampled_loop import Disturbance, SampledTask, run_sampled_loop
-from revline.design.plants.loop_signals import operating_point
+from revline.design.plants.loop_signals import SPEED_BY_THROTTLE, operating_point
 from revline.design.stability.discrete_loop import find_discrete_margins, sampled_plant_of_system
 from revline.design.trials.acceptance import Acceptance, Battery, Kind, OfUnstable, Requirements, accept
 from revline.design.trials.acceptance_runs import Probe, measure_run
 from revline.design.trials.gain_reserve import RESOLUTION, GainReserve, ReserveSearch, find_gain_reserve
+from revline.design.trials.linear_place import find_linear_loop
 from revline.engine.lee1995 import lee1995
 from revline.engine.spread import spread_engine
 from revline.errors import InvalidInputError, NotConvergedError, StepError
@@ -67,7 +70,9 @@ def test_a_place_where_the_linear_loop_is_unstable_fails_unrun_unless_asked() ->
     assert found.runs == ()
     assert found.reserves == ()
     assert len(found.reasons) == 1
-    assert found.reasons[0].startswith("throttle 15, load_torque 20: the linear loop is unstable, with 2 roots outside the unit circle")
+    assert found.reasons[0].startswith(
+        "throttle 15, load_torque 20: the linear loop is unstable, with 2 roots outside the unit circle; it would be stable below 0.507 "
+    )
     with pytest.raises(InvalidInputError, match="no place was run, for the linear loop is unstable at all"):
         _ = found.gain_reserve_db
     run = judge(C2D, 15.0, load=20.0, battery=replace(SHORT, of_unstable=OfUnstable.RUN))
@@ -246,3 +251,45 @@ def test_a_reserve_is_found_from_anywhere_it_is_expected_and_by_fewer_runs_where
         assert found.factor < RESOLUTION * blind.hunts
         assert blind.factor < RESOLUTION * found.hunts
     assert find(blind.factor).runs < blind.runs
+
+
+def scheduled(**changes: Any) -> ScheduledController:
+    table = GainSchedule(
+        names=("engine_speed", "load_torque"),
+        units=("rad/s", "N m"),
+        gain_unit="deg/(rad/s)",
+        first=np.array([100.0, 245.0]),
+        second=np.array([0.0, 20.0]),
+        kp=np.full((2, 2), 0.4),
+        ki=np.full((2, 2), 0.6),
+        kd=np.zeros((2, 2)),
+    )
+    return ScheduledController(controller=sampled(MILD), schedule=replace(table, **changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"names": ("shaft_speed", "load_torque")}, "over shaft_speed, and the controller measures engine_speed"),
+        ({"names": ("engine_speed", "wind")}, "there is no signal wind"),
+        ({"units": ("rad/s", "lbf ft")}, "counts load_torque in lbf ft and lee1995 has it in N m"),
+    ],
+)
+def test_a_schedule_over_other_signals_is_refused(changes: dict[str, Any], words: str) -> None:
+    """Gains looked up by another signal than the measured one, or in another unit, would be others than those designed."""
+    with pytest.raises(InvalidInputError, match=words):
+        accept({"lee1995": lee1995()}, scheduled(**changes), [{"throttle": 25.0}])
+
+
+def test_a_place_outside_the_schedule_is_told() -> None:
+    """At 25 deg the engine turns with 240.8 rad/s, at 30 deg with 300.8: beyond the table, whose last gains hold there."""
+    engine = lee1995()
+    inside, outside = (
+        find_linear_loop(engine, find_trim(engine, inputs={"throttle": angle}), scheduled(), {"throttle": angle}, SPEED_BY_THROTTLE)
+        for angle in (25.0, 30.0)
+    )
+    assert inside.warning == ""
+    assert outside.warning == (
+        "throttle 30: outside the gain schedule, whose edge's gains hold there: engine_speed = 300.778 rad/s is not all within 100 to "
+        "245 rad/s"
+    )

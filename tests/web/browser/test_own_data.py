@@ -74,7 +74,7 @@ def test_a_job_is_started_survives_a_reload_and_is_cancelled(open_page: Open) ->
     window.page.wait_for_selector("#jobs li[data-status=running], #jobs li[data-status=queued]")
     window.page.reload()
     window.settle()
-    window.page.click("#jobs-open")
+    assert window.page.is_visible("#jobs")  # the address says that it is open
     window.page.click("#jobs li >> nth=0 >> button:has-text('Cancel')")
     window.page.wait_for_selector("#jobs li[data-status=cancelled]", timeout=20_000)
     window.page.click("#jobs li >> nth=0 >> button:has-text('Delete')")

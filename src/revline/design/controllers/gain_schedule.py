@@ -33,6 +33,9 @@ class Scaling(NamedTuple):
 
 PLAIN = Scaling(0, 0, 0)
 
+EDGE = 1e-6
+"""A value beyond the table by no more than this part of its axis is at its edge: a trim is known no better."""
+
 
 class ScheduleTables(NamedTuple):
     """Parameters of the equations: axes, tables row by row of the first axis, and the powers of the first signal, 1 or 0 each.
@@ -160,3 +163,19 @@ class GainSchedule:
         """Gains kp, ki and kd at values of the two signals; outside the table those at its edge."""
         kp, ki, kd = gains_at(self.tables, first, second)
         return float(kp), float(ki), float(kd)
+
+    def outside(self, first: Floats, second: Floats) -> str:
+        """Say where values of the two signals lie outside the table, whose edge's gains hold there; empty where none does.
+
+        Args:
+            first: values of the first signal, shape (k,).
+            second: of the second, shape (l,).
+        """
+        found = []
+        for name, unit, axis, seen in zip(self.names, self.units, (self.first, self.second), (first, second), strict=True):
+            low, high = float(np.min(seen)), float(np.max(seen))
+            spare = EDGE * float(axis[-1] - axis[0])
+            if low < axis[0] - spare or high > axis[-1] + spare:
+                reached = f"{low:.6g} to {high:.6g}" if high > low else f"{low:.6g}"
+                found.append(f"{name} = {reached} {unit} is not all within {axis[0]:.6g} to {axis[-1]:.6g} {unit}")
+        return f"outside the gain schedule, whose edge's gains hold there: {'; '.join(found)}" if found else ""

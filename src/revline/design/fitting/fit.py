@@ -5,7 +5,8 @@ from enum import Enum
 
 import numpy as np
 
-from revline.design.fitting.output_error import Optimum, make_problem, minimise
+from revline.design.fitting.fit_problem import make_problem
+from revline.design.fitting.output_error import Optimum, minimise
 from revline.errors import AnalysisError, InvalidInputError
 from revline.lti.response import Complexes, Floats, FrequencyResponse, to_decibels
 from revline.lti.transfer_function import TransferFunction

@@ -1,18 +1,16 @@
 """The numbers of an output-error fit: linear starts, the nonlinear least squares, and proof that the optimum is one.
 
-Everything is scaled: s by the middle of the frequency range, the data by its largest magnitude, and each parameter by its
-column of the Jacobian. Parameters stand in the order b_0 .. b_m, a_1 .. a_n, and the delay where it is free; a_0 is 1.
+Beside the scales of the problem each parameter is scaled by its column of the Jacobian.
 """
 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import leastsq
 
+from revline.design.fitting.fit_problem import Problem, stack_parts
 from revline.errors import AnalysisError, NotConvergedError
 from revline.lti.polynomial import polynomial_roots
 from revline.lti.response import Complexes, Floats
@@ -79,106 +77,6 @@ class Optimum:
         return sum(start.agrees for start in self.starts)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Problem:
-    """A fit in scaled units: s in units of `frequency`, the response in units of `gain`; weighted data have length 1.
-
-    `powers` holds the powers of s from 0 on as columns, as many as any of the polynomials has coefficients.
-    """
-
-    s: Complexes
-    powers: Complexes
-    values: Complexes
-    weights: Floats
-    zeros: int
-    poles: int
-    free_delay: int
-    frequency: float
-    gain: float
-    weight: float
-
-    @property
-    def cost_unit(self) -> float:
-        """What one scaled unit of the sum of squares is."""
-        return (self.gain * self.weight) ** 2
-
-    @property
-    def size(self) -> int:
-        """Number of parameters."""
-        return self.zeros + 1 + self.poles + self.free_delay
-
-    @property
-    def units(self) -> Floats:
-        """What one scaled unit of each parameter is."""
-        top = self.gain * self.frequency ** -np.arange(self.zeros + 1.0)
-        bottom = self.frequency ** -np.arange(1.0, self.poles + 1.0)
-        return np.concatenate([top, bottom, np.full(self.free_delay, 1.0 / self.frequency)])
-
-    def split(self, x: Floats) -> tuple[Floats, Floats, float]:
-        """Take a parameter vector apart: numerator, denominator with its leading 1, delay."""
-        cut = self.zeros + 1
-        return x[:cut], np.concatenate([np.ones(1), x[cut : cut + self.poles]]), float(x[-1]) if self.free_delay else 0.0
-
-    def model(self, x: Floats) -> tuple[Complexes, Complexes]:
-        """The model's response and exp(-s delay) / denominator."""
-        top, bottom, delay = self.split(x)
-        factor = 1.0 / self.polynomial(bottom)
-        if self.free_delay:
-            factor = np.exp(-self.s * delay) * factor
-        return self.polynomial(top) * factor, factor
-
-    def polynomial(self, coefficients: Floats) -> Complexes:
-        """A polynomial in s, by ascending coefficients, at each frequency."""
-        return np.asarray(self.powers[:, : coefficients.size] @ coefficients)
-
-    def residuals(self, x: Floats) -> Floats:
-        """Weighted errors, real parts before imaginary parts."""
-        return _stack(self.weights * (self.model(x)[0] - self.values))
-
-    def jacobian(self, x: Floats) -> Floats:
-        """Derivatives of the residuals, exact."""
-        response, factor = self.model(x)
-        columns = np.empty((self.s.size, self.size), dtype=complex)
-        cut = self.zeros + 1
-        columns[:, :cut] = factor[:, None] * self.powers[:, :cut]
-        columns[:, cut : cut + self.poles] = (-response / self.polynomial(self.split(x)[1]))[:, None] * self.powers[:, 1 : self.poles + 1]
-        if self.free_delay:
-            columns[:, -1] = -self.s * response
-        return _stack(self.weights[:, None] * columns)
-
-
-def make_problem(omega: Floats, values: Complexes, weights: Floats, zeros: int, poles: int, free_delay: int) -> Problem:
-    """Scale a fit.
-
-    Args:
-        omega: frequencies in rad/s.
-        values: response at each, not all zero.
-        weights: weight of each error, before it is squared.
-        zeros: degree of the numerator.
-        poles: degree of the denominator.
-        free_delay: 1 where the delay is a parameter, else 0.
-    """
-    used = omega[omega > 0.0]
-    frequency = math.sqrt(float(used[0]) * float(used[-1])) if used.size else 1.0
-    gain = float(np.abs(values).max())
-    # The largest weight first, so that the squares of extreme ones do not overflow.
-    weight = float(weights.max())
-    weight *= float(np.linalg.norm(weights / weight * np.abs(values / gain)))
-    s = np.asarray(1j * omega / frequency, dtype=complex)
-    return Problem(
-        s=s,
-        powers=np.asarray(s[:, None] ** np.arange(max(zeros, poles) + 1), dtype=complex),
-        values=values / gain,
-        weights=weights / weight,
-        zeros=zeros,
-        poles=poles,
-        free_delay=free_delay,
-        frequency=frequency,
-        gain=gain,
-        weight=weight,
-    )
-
-
 def minimise(problem: Problem) -> Optimum:
     """Find the least squares optimum from several starts and verify it.
 
@@ -196,11 +94,11 @@ def minimise(problem: Problem) -> Optimum:
     with np.errstate(all="ignore"):
         starts = [(name, x) for name, x in _starts(problem) if math.isfinite(_cost(problem, x))]
         starts.sort(key=lambda entry: _cost(problem, entry[1]))
-        found = [(name, _descend(problem, start)) for name, start in starts[:_STARTS_KEPT]]
+        found = _polished(problem, [(name, _descend(problem, start)) for name, start in starts[:_STARTS_KEPT]])
         best = min((x for _, x in found), key=lambda x: _cost(problem, x))
         # A second start, off the best point to all sides: it must lead back.
         away = best * (1.0 + 0.1 * (-1.0) ** np.arange(problem.size))
-        found.append(("best point, each parameter moved by a tenth", _descend(problem, away)))
+        found.append(("best point, each parameter moved by a tenth", _polish(problem, _descend(problem, away))))
         best = min((x for _, x in found), key=lambda x: _cost(problem, x))
     if problem.free_delay and best[-1] < 0.0:
         return minimise(replace(problem, free_delay=0))
@@ -214,33 +112,48 @@ def minimise(problem: Problem) -> Optimum:
     return _optimum(problem, best, gradient, found)
 
 
-def _stack(values: NDArray[Any]) -> Floats:
-    return np.concatenate([values.real, values.imag])
-
-
 def _cost(problem: Problem, x: Floats) -> float:
-    return float(np.sum(problem.residuals(x) ** 2))
+    residuals = problem.residuals(x)
+    return float(residuals @ residuals)
+
+
+def _agrees(cost: float, least: float) -> bool:
+    """Whether a sum of squares is the least one."""
+    return cost <= least * (1.0 + _SAME_COST) + float(np.finfo(float).eps)
 
 
 def _gradient(problem: Problem, x: Floats) -> float:
     """Largest share of the data that still lies along a column of the Jacobian."""
-    jacobian = problem.jacobian(x)
-    return float(np.max(np.abs(jacobian.T @ problem.residuals(x)) / _lengths(jacobian)))
+    residuals, jacobian = problem.both(x)
+    return float(np.max(np.abs(jacobian.T @ residuals) / _lengths(jacobian)))
 
 
 def _descend(problem: Problem, start: Floats) -> Floats:
-    found = least_squares(
+    # With the full output it neither warns nor raises where it stops early; what it found is verified.
+    found = leastsq(
         problem.residuals,
         start,
-        jac=problem.jacobian,
-        method="lm",
-        x_scale="jac",
+        Dfun=lambda x: problem.jacobian(x).T,
+        col_deriv=True,
+        full_output=True,
         ftol=_TOLERANCE,
         xtol=_TOLERANCE,
         gtol=_TOLERANCE,
-        max_nfev=200 * problem.size,
+        maxfev=200 * problem.size,
     )
-    return _polish(problem, np.asarray(found.x, dtype=float))
+    return np.asarray(found[0], dtype=float)
+
+
+def _polished(problem: Problem, found: list[tuple[str, Floats]]) -> list[tuple[str, Floats]]:
+    """Polish the best point, and those that may be another; the others have led to the same one, to the root of rounding."""
+    costs = [_cost(problem, x) for _, x in found]
+    best = int(np.argmin(costs))
+    polished = _polish(problem, found[best][1])
+    least = _cost(problem, polished)
+    return [
+        (name, polished if k == best or _agrees(cost, least) else _polish(problem, x))
+        for k, ((name, x), cost) in enumerate(zip(found, costs, strict=True))
+    ]
 
 
 def _polish(problem: Problem, x: Floats) -> Floats:
@@ -258,15 +171,16 @@ def _polish(problem: Problem, x: Floats) -> Floats:
 
 
 def _gauss_newton_step(problem: Problem, x: Floats) -> Floats:
-    return _solve(problem.jacobian(x), -problem.residuals(x))
+    residuals, jacobian = problem.both(x)
+    return _solve(jacobian, -residuals)
 
 
 def _newton_step(problem: Problem, x: Floats) -> Floats:
     """With the curvature of the residuals, from differences of the exact gradient: needed where the residual is large."""
 
     def slopes(scaled: Floats) -> Floats:
-        at = x + scaled / lengths
-        return np.asarray(problem.jacobian(at).T @ problem.residuals(at) / lengths)
+        residuals, jacobian = problem.both(x + scaled / lengths)
+        return np.asarray(jacobian.T @ residuals / lengths)
 
     lengths = _lengths(problem.jacobian(x))
     moves = np.eye(problem.size) * 1e-6
@@ -275,7 +189,7 @@ def _newton_step(problem: Problem, x: Floats) -> Floats:
 
 
 def _lengths(columns: Floats) -> Floats:
-    return np.asarray(np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny))
+    return np.asarray(np.maximum(np.sqrt(np.sum(columns * columns, axis=0)), np.finfo(float).tiny))
 
 
 def _starts(problem: Problem) -> Iterator[tuple[str, Floats]]:
@@ -322,16 +236,15 @@ def _linear_fit(problem: Problem, values: Complexes, previous: Floats) -> tuple[
     """One Sanathanan-Koerner step: numerator - values * denominator, over the previous denominator, linear in both."""
     weights = problem.weights / np.abs(problem.polynomial(previous))
     powers = problem.powers
-    columns = np.concatenate([powers[:, : problem.zeros + 1], -values[:, None] * powers[:, 1 : problem.poles + 1]], axis=1)
-    solution = _solve(_stack(weights[:, None] * columns), _stack(weights * values))
+    rows = np.concatenate([powers[: problem.zeros + 1], -values * powers[1 : problem.poles + 1]])
+    solution = _solve(stack_parts(weights * rows), stack_parts(weights * values))
     return solution[: problem.zeros + 1], np.append(1.0, solution[problem.zeros + 1 :])
 
 
 def _numerator(problem: Problem, values: Complexes, bottom: Floats) -> Floats:
     """The best numerator for a given denominator: a linear problem."""
     factor = problem.weights / problem.polynomial(bottom)
-    columns = factor[:, None] * problem.powers[:, : problem.zeros + 1]
-    return _solve(_stack(columns), _stack(problem.weights * values))
+    return _solve(stack_parts(factor * problem.powers[: problem.zeros + 1]), stack_parts(problem.weights * values))
 
 
 def _solve(matrix: Floats, right: Floats) -> Floats:
@@ -380,7 +293,7 @@ def _optimum(problem: Problem, best: Floats, gradient: float, found: list[tuple[
         Start(
             name=name,
             residual_sum=_cost(problem, x) * problem.cost_unit,
-            agrees=bool(_cost(problem, x) <= cost * (1.0 + _SAME_COST) + np.finfo(float).eps),
+            agrees=_agrees(_cost(problem, x), cost),
         )
         for name, x in found
     )

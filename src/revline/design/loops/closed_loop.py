@@ -32,7 +32,7 @@ from revline.design.plants.loop_signals import OF_LINEAR_MODEL, SPEED_BY_THROTTL
 from revline.design.stability.linear_loop import closed_loop_transfer, closed_loop_transfer_to_control
 from revline.design.stability.loop_equation import form_loop
 from revline.errors import InvalidInputError
-from revline.lti.transfer_function import TransferFunction
+from revline.lti.transfer_function import TransferFunction, step_responses
 from revline.system import DelaySystem, index_of
 
 __all__ = (
@@ -245,8 +245,7 @@ def _trace_rational(model: TransferFunction, controller: PidController, task: Lo
     check_steps(Mesh(until, task.step))
     times: Floats = task.step * np.arange(math.floor(until / task.step + 1e-9) + 1, dtype=float)
     with np.errstate(over="ignore", invalid="ignore"):
-        output = task.command * to_output.step_response(times)
-        control = task.command * to_control.step_response(times)
+        output, control = (task.command * answer for answer in step_responses((to_output, to_control), times))
     return keep_finite(LoopTrace(times=times, output=output, control=control, terms=np.empty((0, 3)), step=0.0))
 
 

@@ -57,9 +57,11 @@ class LinearVerdict:
             return ""
         count = f"{self.unstable_poles:g}" if math.isfinite(self.unstable_poles) else "infinitely many"
         noun = "pole" if self.unstable_poles == 1 else "poles"
-        return f"the linear loop at the operating point is unstable, with {count} {noun} {self.where}{self._remedy()}"
+        return f"the linear loop at the operating point is unstable, with {count} {noun} {self.where}{self.remedy}"
 
-    def _remedy(self) -> str:
+    @property
+    def remedy(self) -> str:
+        """With which multiple of its gains an unstable loop would be stable, as the end of a sentence; empty where there are no margins."""
         if self.stable_range is None:
             return "; no common factor of its gains was found to mend it" if self.margins is not None else ""
         low, high = self.stable_range
@@ -167,6 +169,10 @@ def _find_range(
     below, above = [one for one in ranges if one[1] < 1.0][::-1], [one for one in ranges if one[0] > 1.0][:TRIES]
     for low, high in (*below[:TRIES], *below[TRIES:][-1:], *above):  # the lowest range is asked in any case
         middle = math.sqrt(low * high) if low > 0.0 and math.isfinite(high) else 0.9 * high if low == 0.0 else 1.1 * low
-        if stable(replace(controller, gains=gains.scaled(kp=middle, ki=middle, kd=middle))):
+        try:
+            found = stable(replace(controller, gains=gains.scaled(kp=middle, ki=middle, kd=middle)))
+        except NotConvergedError:  # a range too narrow to be told from its ends; that the loop as it is is unstable stands
+            continue
+        if found:
             return low, high
     return None

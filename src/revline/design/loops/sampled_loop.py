@@ -226,6 +226,7 @@ def run_sampled_loop(
     """
     law = law_of(controller)
     _check_limits(plant, law, wires)
+    check_schedule(plant, controller, wires)
     rest = float(point.inputs[wires.drive])
     if isinstance(controller, ScheduledController):
         code = scheduled_pid(controller.schedule, law, output=rest, measurement=point.measurement)
@@ -261,6 +262,29 @@ def run_sampled_loop(
         control=record.input(wires.drive),
         sampled=found,
     )
+
+
+def check_schedule(plant: DelaySystem, controller: AnyController, wires: LoopSignals) -> None:
+    """Refuse a gain schedule over signals that its controller does not read from a plant; fixed gains pass.
+
+    Args:
+        plant: what is controlled.
+        controller: with its schedule, if it has one.
+        wires: which signals close the loop.
+
+    Raises:
+        InvalidInputError: the first signal is not the measurement, the second is no input of the plant, or is counted in another unit.
+    """
+    if not isinstance(controller, ScheduledController):
+        return
+    first, second = controller.schedule.names
+    if first != wires.measurement:
+        message = f"the gain schedule is over {first}, and the controller measures {wires.measurement}; schedule over that"
+        raise InvalidInputError(message)
+    ours, theirs = controller.schedule.units[1], plant.inputs[index_of(plant.inputs, second)].unit
+    if ours != theirs:
+        message = f"the gain schedule counts {second} in {ours} and {plant.name} has it in {theirs}; convert its axis"
+        raise InvalidInputError(message)
 
 
 def _check_limits(plant: DelaySystem, controller: PidController, wires: LoopSignals) -> None:

@@ -81,10 +81,11 @@ class _Loop(NamedTuple):
 
 
 class _Outcome(NamedTuple):
-    """A run as far as it went."""
+    """A run as far as it went, and where it left its gain schedule, if it did."""
 
     record: LoopRecord
     samples: Samples
+    outside: str
 
 
 def local_law(controller: AnyController, point: OperatingPoint) -> PidController:
@@ -237,7 +238,14 @@ def _outcome(run: SampledRun, step: float, failure: SimulationError | None) -> _
     )
     last = np.maximum(np.searchsorted(found.times, run.times + 1e-9, side="right") - 1, 0)
     trace = LoopTrace(times=run.times, output=run.output, control=run.control, terms=terms[last], step=step)
-    return _Outcome(LoopRecord(keep_finite(trace), failure), samples)
+    return _Outcome(LoopRecord(keep_finite(trace), failure), samples, _outside(run))
+
+
+def _outside(run: SampledRun) -> str:
+    """Say where a run left the table of its gains."""
+    if not isinstance(run.controller, ScheduledController):
+        return ""
+    return run.controller.schedule.outside(run.sampled.measurements[:, 0], run.sampled.commands[:, 1])
 
 
 def _gains(run: SampledRun) -> Floats:
@@ -255,7 +263,7 @@ def _judge(loop: _Loop, frame: LoopFrame, task: LoopTask, found: _Outcome) -> tu
         task = replace(task, criteria=replace(task.criteria, rest=left / abs(task.command)))
         notes.append(f"at rest the output still moves by {left:.3g} {law.gains.input_unit}: the controller's resolution leaves that")
     run = _judge_cycles(frame, task, found.record, system)
-    notes += _notes_of(run, found.samples)
+    notes += [*_notes_of(run, found.samples), *([found.outside] if found.outside else [])]
     at_limit = float(run.control[-1]) in run.limits
     if law.gains.ki != 0.0 and not at_limit:
         spare = law.dead_zone + law.measurement_step + left

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial import Polynomial
+from numpy.polynomial import polynomial as poly
 from numpy.typing import ArrayLike, NDArray
 
 from revline.errors import InvalidInputError
@@ -73,13 +73,21 @@ def _vertex(series: Series, k: int, reach: int) -> tuple[float, float]:
     t, v = series
     scale = (t[k + 1] - t[k - 1]) / 2.0
     near = slice(k - reach, k + reach + 1)
-    curve = Polynomial.fit((t[near] - t[k]) / scale, v[near] - v[k], 2 * reach, domain=[-1.0, 1.0], window=[-1.0, 1.0])
-    roots = np.asarray(curve.deriv().roots(), dtype=np.complex128)
+    curve = _through((t[near] - t[k]) / scale, v[near] - v[k])
+    slopes = curve[1:] * np.arange(1.0, curve.size)
+    roots = np.asarray(poly.polyroots(slopes) if slopes.size else [], dtype=np.complex128).tolist()
     inside = [r.real for r in roots if abs(r.imag) < 1e-9 and (t[k - 1] - t[k]) <= r.real * scale <= (t[k + 1] - t[k])]
     if not inside:
         return float(t[k]), float(v[k])
     place = min(inside, key=abs)
-    return float(t[k] + place * scale), float(v[k] + curve(place))
+    return float(t[k] + place * scale), float(v[k] + poly.polyval(place, curve))
+
+
+def _through(places: Floats, values: Floats) -> Floats:
+    """Coefficients, ascending, of the polynomial through some points, without the highest where they are zero."""
+    found = np.linalg.solve(np.vander(places, increasing=True), values)
+    kept = np.flatnonzero(found)
+    return np.asarray(found[: kept[-1] + 1 if kept.size else 1])
 
 
 def first_reach(series: Series, level: float) -> float:
@@ -126,7 +134,6 @@ def _cubic_crossing(series: Series, k: int, level: float) -> float:
         return crossing_time(series, k, level)
     scale = t[k + 1] - t[k]
     near = slice(k - 1, k + 3)
-    curve = Polynomial.fit((t[near] - t[k]) / scale, v[near] - level, 3, domain=[-1.0, 1.0], window=[-1.0, 1.0])
-    roots = np.asarray(curve.roots(), dtype=np.complex128)
+    roots = np.asarray(poly.polyroots(_through((t[near] - t[k]) / scale, v[near] - level)), dtype=np.complex128).tolist()
     inside = [r.real for r in roots if abs(r.imag) < 1e-9 and 0.0 <= r.real <= 1.0]
     return float(t[k] + inside[0] * scale) if len(inside) == 1 else crossing_time(series, k, level)

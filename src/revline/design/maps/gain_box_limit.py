@@ -15,8 +15,10 @@ from numpy.typing import NDArray
 
 from revline.analysis.linearize import linearize
 from revline.analysis.threads import Progress
-from revline.design.maps.gain_box import Box, BoxGains, Solver
+from revline.design.maps.box_gains import CommonGains, Solver
+from revline.design.maps.gain_box import BoxGains
 from revline.design.maps.gain_map import Design, GainMap, GainPoint
+from revline.design.maps.operating_box import CORNERS, Box
 from revline.design.regions.gain_curve import LoopFamily
 from revline.design.regions.gain_region import find_gain_region
 from revline.design.regions.loop_family import family_of_system
@@ -29,8 +31,9 @@ Floats = NDArray[np.float64]
 SHAPES = (0.5, 1.0, 0.0)
 """How a part is drawn in to a box that is to be ruled out: in both axes alike, or in one."""
 
-LARGEST, HALVINGS = 0.98, 4
-"""Largest part of its area that is tried, and how often it is halved: small boxes rule out most."""
+DRAWN_IN, DRAWN_IN_PER_EXCESS, HALVINGS = 0.02, 0.4, 4
+"""By which part of its area a part is drawn in at least, or by less where the limit is to come near, and how often the part left is halved:
+small boxes rule out most."""
 
 SLICES = 9
 """Values of kd at which the reach of the weakest point's stabilising gains is taken."""
@@ -38,14 +41,14 @@ SLICES = 9
 ROOM = 1.2
 """By this factor the box of gains exceeds that reach."""
 
-FEWEST_LINES, MOST_LINES, LINES_PER_EXCESS = 60, 240, 12.0
+FEWEST_LINES, MOST_LINES, LINES_PER_EXCESS = 60, 960, 12.0
 """Parts of each axis to whose lines the points of proofs are moved inwards, so that they are shared by many: the more, the nearer the limit
 is to come to the found box."""
 
 MOST_PARTS = 20_000
 """Most parts of the map that are looked at."""
 
-FEWEST_CELLS, MOST_CELLS, CELLS_PER_EXCESS = 1_500, 4_000, 200.0
+FEWEST_CELLS, MOST_CELLS, CELLS_PER_EXCESS = 2_000, 20_000, 400.0
 """Most cells of one proof, likewise: where more would be needed another, larger box is easier to rule out."""
 
 
@@ -174,6 +177,10 @@ class _Prover:
         self._cells = round(min(MOST_CELLS, max(FEWEST_CELLS, CELLS_PER_EXCESS / within)))
         self._design = Design(kd=reference.kd, peak=reference.peak)
         self._solve = Solver(system, reference, self._design)
+        self._largest = 1.0 - min(DRAWN_IN, DRAWN_IN_PER_EXCESS * within)
+        at_found = Design(kd=found.kd, peak=found.peak)
+        own = self._solve if at_found == self._design else Solver(system, reference, at_found)
+        self._common = CommonGains(own, self._solve, found.floor, found.peak)
         self._whole = _whole(reference)
         self._families: dict[tuple[float, float], Point] = {}
         self._reach: dict[tuple[float, float], tuple[float, float, float]] = {}
@@ -181,10 +188,10 @@ class _Prover:
     def rule_out(self, box: Box) -> Ruled | None:
         """Prove that as small a box as can be in the inside of one has no gains; nothing where none is found."""
         for share in SHAPES:
-            best = self._within(box, share, LARGEST, 2) or self._within(box, share, LARGEST, 4)
+            best = self._within(box, share, self._largest, 2) or self._within(box, share, self._largest, 4)
             if best is None:
                 continue
-            corners, (low, high) = len(best.places), (0.0, LARGEST)
+            corners, (low, high) = len(best.places), (0.0, self._largest)
             for _ in range(HALVINGS):
                 middle = 0.5 * (low + high)
                 smaller = self._within(box, share, middle, corners)
@@ -206,6 +213,8 @@ class _Prover:
         return Box(*first, *second)
 
     def _try(self, box: Box, places: tuple[tuple[float, float], ...]) -> Ruled | None:
+        if self._common.exist(box, CORNERS[: len(places)]):
+            return None  # sooner told so than by a proof that fails
         points = [self._solve(place) for place in places]
         if not all(isinstance(point, GainPoint) for point in points):
             return None

@@ -14,6 +14,7 @@ from revline.lti.interconnection import feed_back, select, to_state_space
 from revline.lti.roots import RightmostRoots, characteristic_roots
 from revline.lti.state_space import DelayStateSpace, position
 from revline.lti.transfer_function import TransferFunction
+from revline.lti.transfer_values import TransferValues, transfer_values
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -40,10 +41,10 @@ class _OfModel:
 class _OfSystem:
     """The same of a system with one input and one output."""
 
-    plant: DelayStateSpace
+    answers: TransferValues
 
     def __call__(self, s: Complexes) -> Complexes:
-        return np.asarray(1.0 / self.plant.transfer(s)[..., 0, 0])
+        return np.asarray(1.0 / self.answers(s)[0])
 
 
 def family_of_model(plant: TransferFunction, *, kd: float = 0.0, name: str = "model", contour: Contour = AXIS) -> LoopFamily:
@@ -126,7 +127,7 @@ def family_of_system(
         outside = _count_right(_with_derivative(plant, kd, wires), contour, name, kd)
     return LoopFamily(
         name=name,
-        inverse=_OfSystem(select(plant, [column], [row])),
+        inverse=_OfSystem(transfer_values(select(plant, [column], [row]))),
         at_rest=1.0 / gain,
         kd=kd,
         base=0.0,

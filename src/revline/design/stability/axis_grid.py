@@ -9,20 +9,24 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize.elementwise import find_minimum, find_root
 
+from revline.design.stability.bracket_search import Ends, find_lowest, find_roots
 from revline.errors import NotConvergedError
 from revline.units import Seconds
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 Values = NDArray[Any]
+Function = Callable[[Values], Floats]
 
 PHASE_STEP = 0.2
 """Largest change of a function's phase between neighbours on the grid, in rad."""
 
 SIZE_STEP = 0.2
 """Largest change of the logarithm of a function's magnitude between neighbours."""
+
+_SLOPE, _SQUARE = math.tan(PHASE_STEP), math.exp(2.0 * SIZE_STEP)
+"""The same, as the tangent of the phase and as the square of the magnitude."""
 
 MOST_POINTS = 400_000
 """Most frequencies on the grid."""
@@ -54,25 +58,38 @@ def follow(evaluate: Callable[[Floats], Complexes], grid: Floats, *, delay: Seco
         NotConvergedError: a function turns too fast for the grid, or has a pole or a zero on the imaginary axis within it.
     """
     values = evaluate(grid)
+    _refuse_poles(grid, values, name)
+    fresh = np.arange(grid.size - 1)  # intervals that were not looked at yet, by their lower ends
     while True:
-        bad = np.any(~np.isfinite(values) | (values == 0.0), axis=0)
-        if np.any(bad):
-            place = float(grid[bad][0])
-            message = f"{name} has a pole or a zero on the imaginary axis at {place:g} rad/s: no margins there"
-            raise NotConvergedError(message, frequency=place)
-        ratio = values[:, 1:] / values[:, :-1]
-        coarse = np.any((np.abs(np.angle(ratio)) > PHASE_STEP) | (np.abs(np.log(np.abs(ratio))) > SIZE_STEP), axis=0)
-        coarse |= delay * np.diff(grid) > PHASE_STEP
-        if not np.any(coarse):
+        coarse = fresh[_is_coarse((grid[fresh], grid[fresh + 1]), (values[:, fresh], values[:, fresh + 1]), delay)]
+        if not coarse.size:
             return Followed(grid, values)
-        if grid.size > MOST_POINTS or np.min(np.diff(grid)[coarse] / grid[1:][coarse]) < 1e-13:
-            where = float(grid[1:][coarse][0])
-            message = f"{name} turns too fast near {where:g} rad/s to be followed with {MOST_POINTS} frequencies"
-            raise NotConvergedError(message, frequency=where)
-        middle = np.sqrt(grid[:-1][coarse] * grid[1:][coarse])
-        places = np.flatnonzero(coarse) + 1
-        grid = np.insert(grid, places, middle)
-        values = np.insert(values, places, evaluate(middle), axis=1)
+        low, high = grid[coarse], grid[coarse + 1]
+        if grid.size > MOST_POINTS or np.min((high - low) / high) < 1e-13:
+            message = f"{name} turns too fast near {high[0]:g} rad/s to be followed with {MOST_POINTS} frequencies"
+            raise NotConvergedError(message, frequency=float(high[0]))
+        middle = np.sqrt(low * high)
+        added = evaluate(middle)
+        _refuse_poles(middle, added, name)
+        grid, values = np.insert(grid, coarse + 1, middle), np.insert(values, coarse + 1, added, axis=1)
+        at = coarse + np.arange(coarse.size)
+        fresh = np.stack((at, at + 1), axis=1).ravel()
+
+
+def _refuse_poles(grid: Floats, values: Complexes, name: str) -> None:
+    bad = np.any(~np.isfinite(values) | (values == 0.0), axis=0)
+    if np.any(bad):
+        place = float(grid[bad][0])
+        message = f"{name} has a pole or a zero on the imaginary axis at {place:g} rad/s: no margins there"
+        raise NotConvergedError(message, frequency=place)
+
+
+def _is_coarse(ends: tuple[Floats, Floats], values: tuple[Complexes, Complexes], delay: Seconds) -> NDArray[np.bool_]:
+    """Whether a function changes much between two frequencies, or its delay alone may have turned it by much."""
+    ratio = values[1] / values[0]
+    square = ratio.real**2 + ratio.imag**2
+    alike = (np.abs(ratio.imag) <= _SLOPE * ratio.real) & (square >= 1.0 / _SQUARE) & (square <= _SQUARE)
+    return np.asarray(~np.all(alike, axis=0) | (delay * (ends[1] - ends[0]) > PHASE_STEP))
 
 
 def roots_between(function: Callable[[Floats], Floats], grid: Floats, values: Floats) -> Floats:
@@ -83,65 +100,7 @@ def roots_between(function: Callable[[Floats], Floats], grid: Floats, values: Fl
         grid: frequencies above 0, rising, between whose neighbours the function has at most one peak.
         values: the function there.
     """
-    return roots_of_each(lambda w: w, (function,), grid, (values,))[0]
-
-
-def roots_of_each(
-    evaluate: Callable[[Floats], Values], functions: Sequence[Callable[[Values], Floats]], grid: Floats, values: Sequence[Floats]
-) -> tuple[Floats, ...]:
-    """Find the roots of some real functions of one that is dear to evaluate, as `roots_between` does, all in the same rounds.
-
-    Args:
-        evaluate: frequencies of shape (n,) to what the functions are of, shape (n,).
-        functions: each of size 1 near its roots.
-        grid: frequencies above 0, rising, between whose neighbours each function has at most one peak.
-        values: the functions there.
-    """
-    filled = _with_passing_peaks(evaluate, functions, grid, values)
-    changes = [np.flatnonzero((sizes[1:] > 0.0) != (sizes[:-1] > 0.0)) for _, sizes in filled]
-    which = np.repeat(np.arange(len(changes)), [at.size for at in changes])
-    if not which.size:
-        return tuple(np.array([]) for _ in functions)
-    low, high = (np.concatenate([places[at + after] for (places, _), at in zip(filled, changes, strict=True)]) for after in (0, 1))
-    found = np.asarray(find_root(lambda w, k: _chosen(functions, k, evaluate(w)), (low, high), args=(which,)).x)
-    return tuple(found[which == k] for k in range(len(functions)))
-
-
-def _chosen(functions: Sequence[Callable[[Values], Floats]], which: NDArray[np.intp], values: Values) -> Floats:
-    """Of each value the function that is asked for there."""
-    chosen = np.empty(which.shape)
-    for k, function in enumerate(functions):
-        here = which == k
-        if here.any():
-            chosen[here] = function(values[here])
-    return chosen
-
-
-def _with_passing_peaks(
-    evaluate: Callable[[Floats], Values], functions: Sequence[Callable[[Values], Floats]], grid: Floats, values: Sequence[Floats]
-) -> list[tuple[Floats, Floats]]:
-    """Grid and values of each function with the peaks towards 0 that pass it although no point of the grid does."""
-    sides = [np.where(sizes > 0.0, 1.0, -1.0) for sizes in values]
-    tops = []
-    for side, value in zip(sides, values, strict=True):
-        sizes = side * value
-        alike = (side[:-2] == side[1:-1]) & (side[2:] == side[1:-1])
-        tops.append(np.flatnonzero(alike & (sizes[1:-1] < sizes[:-2]) & (sizes[1:-1] <= sizes[2:])) + 1)
-    at = np.concatenate(tops)
-    if not at.size:
-        return [(grid, sizes) for sizes in values]
-    which = np.repeat(np.arange(len(tops)), [one.size for one in tops])
-    towards = np.concatenate([side[one] for side, one in zip(sides, tops, strict=True)])
-    logarithm = np.log(grid)
-    brackets = (logarithm[at - 1], logarithm[at], logarithm[at + 1])
-    result = find_minimum(lambda x, side, k: side * _chosen(functions, k, evaluate(np.exp(x))), brackets, args=(towards, which))
-    filled = []
-    for k, sizes in enumerate(values):
-        passed = (result.f_x < -ROUNDING) & (which == k)
-        peaks = np.exp(result.x[passed])
-        places = np.searchsorted(grid, peaks)
-        filled.append((np.insert(grid, places, peaks), np.insert(sizes, places, towards[passed] * result.f_x[passed])))
-    return filled
+    return find_features(lambda w: w, (function,), (), grid, (values,)).roots[0]
 
 
 def highest(function: Callable[[Floats], Floats], grid: Floats, sizes: Floats) -> tuple[float, float]:
@@ -155,40 +114,100 @@ def highest(function: Callable[[Floats], Floats], grid: Floats, sizes: Floats) -
     Returns:
         The value and its frequency.
     """
-    return highest_of_each(lambda w: w, (function,), grid, (sizes,))[0]
+    return find_features(lambda w: w, (), (function,), grid, (sizes,)).peaks[0]
 
 
-def highest_of_each(
-    evaluate: Callable[[Floats], Values], functions: Sequence[Callable[[Values], Floats]], grid: Floats, sizes: Sequence[Floats]
-) -> tuple[tuple[float, float], ...]:
-    """Find the largest values of some real functions of one that is dear to evaluate, as `highest` does, all in the same rounds.
+class Features(NamedTuple):
+    """Roots of each of some functions, in rad/s; and of each of others the largest value and its frequency in rad/s."""
+
+    roots: tuple[Floats, ...]
+    peaks: tuple[tuple[float, float], ...]
+
+
+class _Extremes(NamedTuple):
+    """Points of a grid at which a function, times a sign, is not above its neighbours: which function, where, and the sign."""
+
+    which: NDArray[np.intp]
+    at: NDArray[np.intp]
+    sign: Floats
+
+
+def find_features(
+    evaluate: Callable[[Floats], Values],
+    crossings: Sequence[Function],
+    measures: Sequence[Function],
+    grid: Floats,
+    values: Sequence[Floats],
+) -> Features:
+    """Find roots and peaks of real functions of one that is dear to evaluate, all in the same rounds.
 
     Args:
         evaluate: frequencies of shape (n,) to what the functions are of, shape (n,).
-        functions: each of them.
+        crossings: functions whose roots are sought as by `roots_between`.
+        measures: functions whose largest values are sought as by `highest`.
         grid: frequencies above 0, rising, between whose neighbours each function has at most one peak.
-        sizes: the functions on the grid.
-
-    Returns:
-        Each value and its frequency.
+        values: the crossings there, then the measures.
     """
-    best = [int(np.argmax(one)) for one in sizes]
-    found = [(float(one[top]), float(grid[top])) for one, top in zip(sizes, best, strict=True)]
-    tops = []
-    for one in sizes:
-        inner = np.flatnonzero((one[1:-1] >= one[:-2]) & (one[1:-1] >= one[2:])) + 1
-        tops.append(inner[np.argsort(-one[inner])][:MOST_PEAKS])
-    at = np.concatenate(tops)
-    if not at.size:
-        return tuple(found)
-    which = np.repeat(np.arange(len(tops)), [one.size for one in tops])
-    logarithm = np.log(grid)
-    brackets = (logarithm[at - 1], logarithm[at], logarithm[at + 1])
-    result = find_minimum(lambda x, k: -_chosen(functions, k, evaluate(np.exp(x))), brackets, args=(which,))
-    for k in range(len(found)):
-        mine = np.flatnonzero(which == k)
-        if mine.size:
-            top = mine[int(np.argmin(result.f_x[mine]))]
-            if -float(result.f_x[top]) > found[k][0]:
-                found[k] = (-float(result.f_x[top]), math.exp(float(result.x[top])))
-    return tuple(found)
+    functions, count = (*crossings, *measures), len(crossings)
+    extremes = [_towards_zero(k, one) if k < count else _largest(k, one) for k, one in enumerate(values)]
+    which, at, sign = (np.concatenate(parts) for parts in zip(*extremes, strict=True))
+    x, stacked = np.log(grid), np.stack(values)
+    lowest = find_lowest(
+        lambda places, k: sign[k] * _chosen(functions, which[k], evaluate(np.exp(places))),
+        (x[at - 1], x[at], x[at + 1]),
+        (sign * stacked[which, at - 1], sign * stacked[which, at], sign * stacked[which, at + 1]),
+    )
+    places, reached = np.exp(lowest.places), sign * lowest.values
+    filled = []
+    for k in range(count):
+        passed = (lowest.values < -ROUNDING) & (which == k)
+        where = np.searchsorted(grid, places[passed])
+        filled.append((np.insert(grid, where, places[passed]), np.insert(values[k], where, reached[passed])))
+    peaks = []
+    for k, sizes in enumerate(values[count:], start=count):
+        mine = which == k
+        found = np.append(sizes, reached[mine])
+        top = int(np.argmax(found))
+        peaks.append((float(found[top]), float(np.append(grid, places[mine])[top])))
+    return Features(_roots(evaluate, crossings, filled), tuple(peaks))
+
+
+def _towards_zero(k: int, sizes: Floats) -> _Extremes:
+    """Where a function comes nearest to 0 without passing it, as far as the grid shows."""
+    side = np.where(sizes > 0.0, 1.0, -1.0)
+    alike = (side[:-2] == side[1:-1]) & (side[2:] == side[1:-1])
+    sizes = side * sizes
+    at = np.flatnonzero(alike & (sizes[1:-1] < sizes[:-2]) & (sizes[1:-1] <= sizes[2:])) + 1
+    return _Extremes(np.full(at.size, k), at, side[at])
+
+
+def _largest(k: int, sizes: Floats) -> _Extremes:
+    """Where a function is largest, as far as the grid shows."""
+    at = np.flatnonzero((sizes[1:-1] >= sizes[:-2]) & (sizes[1:-1] >= sizes[2:])) + 1
+    at = at[np.argsort(-sizes[at])][:MOST_PEAKS]
+    return _Extremes(np.full(at.size, k), at, np.full(at.size, -1.0))
+
+
+def _roots(
+    evaluate: Callable[[Floats], Values], functions: Sequence[Function], filled: Sequence[tuple[Floats, Floats]]
+) -> tuple[Floats, ...]:
+    """Roots of each function between neighbours of its own grid at which its sign differs."""
+    changes = [np.flatnonzero((sizes[1:] > 0.0) != (sizes[:-1] > 0.0)) for _, sizes in filled]
+    which = np.repeat(np.arange(len(changes)), [at.size for at in changes])
+    if not which.size:
+        return tuple(np.array([]) for _ in functions)
+    ends = (
+        np.concatenate([entry[what][at + after] for entry, at in zip(filled, changes, strict=True)]) for what in (0, 1) for after in (0, 1)
+    )
+    found = find_roots(lambda w, k: _chosen(functions, which[k], evaluate(w)), Ends(*ends))
+    return tuple(found[which == k] for k in range(len(functions)))
+
+
+def _chosen(functions: Sequence[Function], which: NDArray[np.intp], values: Values) -> Floats:
+    """Of each value the function that is asked for there."""
+    chosen = np.empty(which.shape)
+    for k, function in enumerate(functions):
+        here = np.flatnonzero(which == k)
+        if here.size:
+            chosen[here] = function(values[here])
+    return chosen

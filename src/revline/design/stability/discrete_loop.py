@@ -41,6 +41,9 @@ ENOUGH_LEFT_OUT, LARGEST_LEFT_OUT = 1e-5, 1e-4
 """What is left out of the sum, as a part of the sum: where the doubling ends, and what is refused with the most terms. A lag behind a whole
 number of periods comes between: all its terms have one sign."""
 
+AT_HALF = 1e-4
+"""A crossing this near to half the sampling frequency, as a part of it, is the one there, where the loop is real in any case."""
+
 LOWEST_SHARE = 1e-6
 """The loop is followed from this part of half the sampling frequency on; below, integral action alone decides."""
 
@@ -167,7 +170,7 @@ def find_discrete_margins(plant: SampledPlant, controller: PidController, *, spe
         stable=unstable == 0,
         unstable_poles=float(unstable),
         gain_crossovers=tuple(gain_crossover(float(w), complex(v)) for w, v in zip(unity, loop(unity), strict=True)),
-        phase_crossovers=_phase_crossovers(loop, np.append(real, half)),
+        phase_crossovers=_phase_crossovers(loop, np.append(real[real < (1.0 - AT_HALF) * half], half)),
         sensitivity=_peak(loop, lambda v: 1.0 / (1.0 + v), grid, values),
         complementary=_peak(loop, lambda v: 1.0 - 1.0 / (1.0 + v), grid, values),
         disk=_peak(loop, lambda v: 1.0 / (1.0 + v) - 0.5, grid, values),

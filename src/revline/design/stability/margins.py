@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from revline.design.stability.axis_grid import follow, highest_of_each, roots_of_each
+from revline.design.stability.axis_grid import find_features, follow
 from revline.design.stability.open_loop import OpenLoop
 from revline.errors import InvalidInputError, out_of_range
 
@@ -147,7 +147,7 @@ def find_margins(loop: OpenLoop, *, low: float = 1e-3) -> Margins:
         low: lowest frequency looked at, in rad/s; lowered where the loop gain is below 1 there and still rises towards lower ones.
 
     Raises:
-        InvalidInputError: the frequency is not above 0, or the loop is improper: its gain does not fall at high frequency.
+        InvalidInputError: the frequency is not above 0, or the loop is none, or improper: its gain does not fall at high frequency.
         NotConvergedError: the loop turns too fast for the grid, or has a pole on the imaginary axis within it.
     """
     if not (math.isfinite(low) and low > 0.0):
@@ -157,11 +157,9 @@ def find_margins(loop: OpenLoop, *, low: float = 1e-3) -> Margins:
     grid, followed = follow(lambda w: _values(loop, w)[None], start, delay=loop.delay, name=f"the loop {loop.name}")
     values = followed[0]
     crossings: tuple[Callable[[Complexes], Floats], ...] = (_above_one, phase_sine)
-    unity, turns = roots_of_each(lambda w: _values(loop, w), crossings, grid, [function(values) for function in crossings])
-    sizes = [measure(values) for measure in MEASURES]
-    peaks = [
-        Peak(value=value, frequency=frequency) for value, frequency in highest_of_each(lambda w: _values(loop, w), MEASURES, grid, sizes)
-    ]
+    sizes = [function(values) for function in (*crossings, *MEASURES)]
+    found = find_features(lambda w: _values(loop, w), crossings, MEASURES, grid, sizes)
+    (unity, turns), peaks = found.roots, [Peak(value=value, frequency=frequency) for value, frequency in found.peaks]
     return Margins(
         loop=loop.name,
         stable=loop.stable,
@@ -207,6 +205,9 @@ def _top(loop: OpenLoop, low: float) -> float:
     """A frequency beyond which the loop gain stays below the floor."""
     grid = np.geomspace(low, HIGHEST, 60 * round(math.log10(HIGHEST / low)))
     sizes = np.abs(_values(loop, grid))
+    if not np.any(sizes):
+        message = f"the loop {loop.name} is 0 at every frequency, so that there are no margins; give the controller a gain"
+        raise InvalidInputError(message)
     above = np.flatnonzero(~(sizes < FLOOR))
     if above.size and above[-1] == grid.size - 1:
         message = (

@@ -18,6 +18,7 @@ from revline.lti.interconnection import feed_back, select
 from revline.lti.roots import characteristic_roots
 from revline.lti.state_space import DelayStateSpace, Signal, position
 from revline.lti.transfer_function import TransferFunction
+from revline.lti.transfer_values import transfer_values
 
 Complexes = NDArray[np.complex128]
 Transfer = Callable[[ArrayLike], Complexes]
@@ -32,12 +33,14 @@ class OpenLoop:
         transfer: L on complex s of any shape, delays exact.
         delay: that L contains for certain, in s; its phase is unwrapped after removing it.
         unstable_poles: of the closed loop, right of the imaginary axis; infinite where the delay makes them so.
+        closed_roots: the right-most ones of the closed loop, in rad/s, where they were found to count the unstable ones; else none.
     """
 
     name: str
     transfer: Transfer
     delay: float
     unstable_poles: float
+    closed_roots: tuple[complex, ...] = ()
 
     @property
     def stable(self) -> bool:
@@ -97,19 +100,20 @@ def open_loop_of_system(plant: DelayStateSpace, law: AnyPid, *, wires: LoopSigna
     of_measurement = gains.setpoint_transfer if len(needed) == 2 else controller.feedback_transfer
     weights = (of_measurement, lambda s: gains.kd * np.ones_like(s))
 
-    wired = select(plant, [drive], needed)
+    answers = transfer_values(select(plant, [drive], needed))
 
     def transfer(s: ArrayLike) -> Complexes:
         points = np.asarray(s, dtype=complex)
-        values = wired.transfer(points)
-        return np.asarray(sum(values[..., k, 0] * weights[k](points) for k in range(len(needed))))
+        values = answers(points)
+        return np.asarray(sum(values[k] * weights[k](points) for k in range(len(needed))))
 
     closed = characteristic_roots(_close(plant, controller, drive, needed))
     return OpenLoop(
         name=f"{name} under {gains.rule}",
         transfer=transfer,
-        delay=_known_delay(plant, transfer),
+        delay=_known_delay(plant, transfer) if any((gains.kp, gains.ki, gains.kd)) else 0.0,
         unstable_poles=float(closed.unstable_count),
+        closed_roots=tuple(closed.roots.tolist()),
     )
 
 

@@ -9,17 +9,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
-from revline.analysis.linearize import linearize
 from revline.analysis.threads import run_all
 from revline.analysis.trim import Trim, find_trim
 from revline.design.controllers.pid_controller import Continuous, PidController
 from revline.design.controllers.pid_update import sampled_pid
-from revline.design.controllers.scheduled_pid import AnyController, ScheduledController, law_of
-from revline.design.loops.sampled_loop import Disturbance, SampledTask, run_sampled_loop
+from revline.design.controllers.scheduled_pid import AnyController, law_of
+from revline.design.loops.sampled_loop import Disturbance, SampledTask, check_schedule, run_sampled_loop
 from revline.design.plants.loop_signals import SPEED_BY_THROTTLE, LoopSignals, OperatingPoint, operating_point
-from revline.design.stability.discrete_loop import DiscreteMargins, find_discrete_margins, sampled_plant_of_system
 from revline.design.trials.acceptance_runs import Measures, Probe, measure_run, refuse_probe
 from revline.design.trials.gain_reserve import GainReserve, ReserveSearch, find_gain_reserve
+from revline.design.trials.linear_place import LinearLoop, find_linear_loop
 from revline.errors import InvalidInputError, SimulationError, StepError, out_of_range
 from revline.system import DelaySystem
 from revline.values import make_read_only
@@ -161,50 +160,6 @@ class AcceptanceRun:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LinearLoop:
-    """The exact linear loop at a place, as the samples see it.
-
-    Attributes:
-        place: inputs at the trim, by name.
-        margins: with sampling and hold as they are.
-        delay: longest lag of the plant there, in s.
-    """
-
-    place: Mapping[str, float]
-    margins: DiscreteMargins
-    delay: float
-
-    @property
-    def gain_margin(self) -> float | None:
-        """By which factor all gains may rise; nothing where there is no such limit."""
-        rise = self.margins.margins.gain_rise
-        return None if rise is None else rise.gain_margin
-
-    @property
-    def warning(self) -> str:
-        """What is unusual about it; empty where nothing is."""
-        if self.margins.period <= self.delay:
-            return ""
-        place = ", ".join(f"{name} {value:g}" for name, value in self.place.items())
-        return (
-            f"{place}: the controller samples every {self.margins.period:g} s, longer than the plant's delay of {self.delay:.3g} s; "
-            "the loop waits for the controller more than for the plant: sample faster"
-        )
-
-    @property
-    def verdict(self) -> str:
-        """Why it is not run; empty where it is stable."""
-        margins = self.margins.margins
-        if margins.stable:
-            return ""
-        fall = margins.gain_fall
-        lacks = f"; it would be stable at {fall.gain_margin:.3g} times its gains" if fall is not None and margins.gain_rise is None else ""
-        place = ", ".join(f"{name} {value:g}" for name, value in self.place.items())
-        roots = "1 root" if margins.unstable_poles == 1.0 else f"{margins.unstable_poles:g} roots"
-        return f"{place}: the linear loop is unstable, with {roots} outside the unit circle{lacks}"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Acceptance:
     """The verdict on a controller, with all runs and reserves that it rests on.
 
@@ -267,7 +222,8 @@ def accept(
         progress: told which part of the runs is done.
 
     Raises:
-        InvalidInputError: there is no place, the controller is continuous, or its limits exclude a trim.
+        InvalidInputError: there is no place, the controller is continuous, its limits exclude a trim, or it is scheduled over signals that
+            it does not read from the plant.
         NoTrimError: there is no trim at a place.
         NotConvergedError: a loop moves so slowly that no run tells its reserve.
         StepError: the battery's step is longer than a lag that a run comes to.
@@ -277,11 +233,12 @@ def accept(
         message = "a controller is accepted on one plant and at one operating point at least; give the plant and the inputs of a trim"
         raise InvalidInputError(message)
     (nominal, plant), names = next(iter(plants.items())), tuple(plants)
+    check_schedule(plant, controller, wires)
     trims = {(name, k): find_trim(each, inputs=dict(place)) for name, each in plants.items() for k, place in enumerate(places)}
     points = {key: operating_point(trim, wires) for key, trim in trims.items()}
     for trim in trims.values():  # what the controller cannot do at all is refused before anything is computed
         _check_controller(law_of(controller), trim, battery, wires)
-    linear = tuple(_linear_loop(plant, trims[nominal, k], controller, place, wires) for k, place in enumerate(places))
+    linear = tuple(find_linear_loop(plant, trims[nominal, k], controller, place, wires) for k, place in enumerate(places))
     skipped = {k for k, loop in enumerate(linear) if loop.verdict and battery.of_unstable is OfUnstable.SKIP}
     tasks: list[tuple[int, Case | None]] = []
     for k, place in enumerate(places):
@@ -317,18 +274,6 @@ def _check_controller(controller: PidController, trim: Trim, battery: Battery, w
     if not isinstance(sampling, Continuous) and battery.until / sampling.period_at(measurement) > MOST_SAMPLES:
         limit = f"{battery.until / MOST_SAMPLES:.3g} s and above for runs of {battery.until:g} s"
         raise out_of_range("sampling period", sampling.period_at(measurement), "s", limit, "sample more slowly, or run it shorter")
-
-
-def _linear_loop(plant: DelaySystem, trim: Trim, controller: AnyController, place: Mapping[str, float], wires: LoopSignals) -> LinearLoop:
-    speed = trim.output(wires.measurement)
-    if isinstance(controller, ScheduledController):  # at rest its linear model is that with the gains of the place
-        local = controller.frozen_at(speed, trim.input(controller.schedule.names[1]))
-    else:
-        local = controller
-    model = linearize(plant, trim).model
-    sampled = sampled_plant_of_system(model, wires=wires, name=plant.name)
-    margins = find_discrete_margins(sampled, local, speed=speed)
-    return LinearLoop(place=place, margins=margins, delay=float(max(model.lags, default=0.0)))
 
 
 def _cases(place: Mapping[str, float], battery: Battery, plants: Sequence[str], *, seed: int) -> list[Case]:

@@ -3,19 +3,13 @@
 from collections.abc import Mapping
 from typing import Final
 
-from revline.analysis.trim import Trim
-from revline.design.controllers.pid_controller import Continuous
 from revline.design.controllers.scheduled_pid import ScheduledController
-from revline.design.loops.closed_loop import Limits, LoopRun, LoopTask
-from revline.design.loops.hunting import HuntingOrbit, UnrefinedCycle, refine_cycle, run_to_its_end
-from revline.design.loops.onset import HuntingOnset, RayTask, find_onset
-from revline.design.loops.outcome import LimitCycle
+from revline.design.loops.closed_loop import LoopTask
+from revline.design.loops.hunting import UnrefinedCycle
 from revline.design.loops.sampled_loop import Disturbance
-from revline.design.plants.loop_signals import operating_point
-from revline.engine.lee1995 import lee1995_parameters
 from revline.errors import InvalidInputError
-from revline.io.controller_files import ControllerFile
 from revline.io.cycle_records import onset_record, orbit_record, run_record, unrefined_record
+from revline.studies.cycle_search import find_onset_of, find_orbit, run_until_decided
 from revline.studies.loop_runs import (
     LoopResult,
     Surroundings,
@@ -23,20 +17,13 @@ from revline.studies.loop_runs import (
     controller_as_it_runs,
     load_step_of,
     loop_task,
-    own_limits,
     run_on_engine,
     run_on_model,
-    throttle_limits,
 )
-from revline.system import DelaySystem
 from revline.web.asked.plants import at_trim, content_of, controller_of, model_of
 from revline.web.questions import LimitCycleQuestion, LoopQuestion
 
-AMPLE: Final = 1.15
-"""The family from the onset is followed to this multiple of the cycle's amplitude, as the command line does."""
-
-WITHOUT_CYCLE: Final = 0.03
-"""Where the loop does not hunt, it is followed to this part of the speed."""
+REMEDY: Final = "the question loop runs it and tells the cycle with its spread"
 
 
 def find_loop_record(asked: LoopQuestion) -> Mapping[str, object]:
@@ -84,35 +71,12 @@ def _check_model(asked: LoopQuestion) -> None:
 
 def find_cycle_record(asked: LimitCycleQuestion) -> Mapping[str, object]:
     """Answer as `revline limit-cycle --json`."""
-    file = _continuous(controller_of(asked.controller))
     place = at_trim(asked, asked.throttle_deg)
-    saturation = lee1995_parameters(place.engine).throttle.saturation_angle
-    limits = Limits(*throttle_limits(own_limits(file.controller), saturation))
     task = LoopTask(command=asked.command_rad_s, until=asked.until_s)
-    run = run_to_its_end(place.engine, operating_point(place.trim), file.feedback_gains, task, limits=limits)
-    record, orbit = dict(run_record(run)), None
-    if isinstance(run.outcome, LimitCycle):
-        orbit = refine_cycle(place.engine, operating_point(place.trim), run)
+    run = run_until_decided(place.engine, place.trim, controller_of(asked.controller), task, name="the request", remedy=REMEDY)
+    record, orbit = dict(run_record(run)), find_orbit(place.engine, place.trim, run)
+    if orbit is not None:
         record |= unrefined_record(orbit) if isinstance(orbit, UnrefinedCycle) else orbit_record(orbit)
     if asked.onset:
-        record |= onset_record(_onset(place.engine, place.trim, run, orbit))
+        record |= onset_record(find_onset_of(place.engine, place.trim, run, orbit))
     return record
-
-
-def _continuous(file: ControllerFile) -> ControllerFile:
-    """Take a controller that does not sample."""
-    if not isinstance(file.controller.sampling, Continuous):
-        message = (
-            "controller samples; samples fall differently into each cycle, which then is no orbit of the engine alone: the question loop "
-            "runs it and tells the cycle with its spread"
-        )
-        raise InvalidInputError(message, control="controller")
-    return file
-
-
-def _onset(engine: DelaySystem, trim: Trim, run: LoopRun, orbit: HuntingOrbit | UnrefinedCycle | None) -> HuntingOnset:
-    if orbit is None:
-        largest = WITHOUT_CYCLE * run.start
-    else:
-        largest = AMPLE * (orbit.simulated.amplitude if isinstance(orbit, UnrefinedCycle) else float(orbit.harmonics[0]))
-    return find_onset(engine, trim, run.gains, RayTask(command=run.command, largest=largest), limits=run.limits)

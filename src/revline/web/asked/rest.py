@@ -1,15 +1,12 @@
 """Questions about engines at rest: trim, map and linear model."""
 
 from collections.abc import Mapping
-
-import numpy as np
+from typing import Final
 
 from revline.analysis.linearize import linearize
-from revline.analysis.operating_range import ErrorMeasure, OperatingRange, find_operating_range, fit_line
-from revline.analysis.steady_map import SteadyMap, find_steady_map
+from revline.analysis.operating_range import fit_line
 from revline.analysis.trim import find_trim
 from revline.errors import InvalidInputError
-from revline.io.number_lists import parse_numbers
 from revline.io.point_records import (
     line_record,
     linearization_record,
@@ -23,8 +20,11 @@ from revline.io.point_records import (
 from revline.lti.root_regions import Region, find_roots_in
 from revline.lti.roots import characteristic_roots
 from revline.lti.state_space import DelayStateSpace
+from revline.studies.throttle_map import Angles, Wording, find_throttle_map, find_widest
 from revline.web.asked.plants import at_trim, engine_of
 from revline.web.questions import LinearizeQuestion, MapQuestion, TrimQuestion
+
+WORDING: Final = Wording("from_deg =", "to_deg =", "linear_within", control="from_deg")
 
 
 def find_trim_record(asked: TrimQuestion) -> Mapping[str, object]:
@@ -43,35 +43,13 @@ def find_trim_record(asked: TrimQuestion) -> Mapping[str, object]:
 
 def find_map_record(asked: MapQuestion) -> Mapping[str, object]:
     """Answer as `revline map --json`."""
-    low, high = asked.from_deg, asked.to_deg
-    if not low < high:
-        message = f"from_deg = {low:g} is not below to_deg = {high:g}: the angles must rise; give the lower one first"
-        raise InvalidInputError(message, control="from_deg", low=low, high=high)
-    found = find_steady_map(
-        engine_of(asked),
-        sweep_input="throttle",
-        values=np.linspace(low, high, asked.points),
-        output="engine_speed",
-        inputs={"load_torque": asked.load_n_m},
-    )
+    found = find_throttle_map(engine_of(asked), Angles(asked.from_deg, asked.to_deg, asked.points), asked.load_n_m, WORDING)
     record = dict(map_record(found, load=asked.load_n_m))
     if asked.line_deg is not None:
         record["line"] = line_record(fit_line(found, low=asked.line_deg[0], high=asked.line_deg[1]))
     if asked.linear_within is not None:
-        record["operating_range"] = operating_range_record(_widest(found, asked.linear_within, asked.around_deg))
+        record["operating_range"] = operating_range_record(find_widest(found, asked.linear_within, asked.around_deg, WORDING))
     return record
-
-
-def _widest(found: SteadyMap, text: str, centre: float) -> OperatingRange:
-    percent = text.strip().endswith("%")
-    tolerances = parse_numbers(text.strip().removesuffix("%"), "linear_within")
-    if len(tolerances) != 1:
-        message = f"linear_within {text!r} names more than one tolerance; give one, for example 1% or 3"
-        raise InvalidInputError(message, control="linear_within")
-    tolerance = float(tolerances[0])
-    if percent:
-        return find_operating_range(found, centre=centre, tolerance=tolerance / 100.0, measure=ErrorMeasure.FRACTION)
-    return find_operating_range(found, centre=centre, tolerance=tolerance, measure=ErrorMeasure.OUTPUT)
 
 
 def find_linear_record(asked: LinearizeQuestion) -> Mapping[str, object]:

@@ -14,7 +14,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from http import HTTPStatus
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from revline.errors import InvalidInputError
 from revline.web.jobs.folder import (
@@ -50,6 +50,27 @@ class JobError(Exception):
     def __init__(self, kind: str, title: str, detail: str, status: HTTPStatus) -> None:
         super().__init__(detail)
         self.problem = make_problem(kind, title, detail, status=status)
+
+
+class Wish(NamedTuple):
+    """A change of a job that some may have and others not.
+
+    Attributes:
+        among: how a job must stand.
+        kind: of the refusal of others.
+        title: of the refusal.
+        remedy: what can be done.
+    """
+
+    among: frozenset[Status]
+    kind: str
+    title: str
+    remedy: str
+
+
+CANCEL: Final = Wish(ACTIVE, "job-ended", "the job has ended", "only a job that waits or runs can be cancelled")
+RESUME: Final = Wish(RESUMABLE, "job-not-stopped", "the job was not stopped", "only one that was interrupted or cancelled can go on")
+DELETE: Final = Wish(frozenset(Status) - ACTIVE, "job-active", "the job has not ended", "cancel it first")
 
 
 class Jobs:
@@ -121,10 +142,7 @@ class Jobs:
             JobError: there is none, it was changed meanwhile, or it has ended.
         """
         with self._alone():
-            folder, note, status = self._expect(name, revision)
-            if status not in ACTIVE:
-                detail = f"job {name} is {status}; only a job that waits or runs can be cancelled"
-                raise JobError("job-ended", "the job has ended", detail, HTTPStatus.CONFLICT)
+            folder, note = self._expect(name, revision, CANCEL)
             write_note(folder, replace(note, cancelled=time.time(), revision=note.revision + 1))
             if note.process is not None:
                 send(note.process, signal.SIGTERM)
@@ -137,10 +155,7 @@ class Jobs:
             JobError: there is none, it was changed meanwhile, or it stands otherwise.
         """
         with self._alone():
-            folder, note, status = self._expect(name, revision)
-            if status not in RESUMABLE:
-                detail = f"job {name} is {status}; only one that was interrupted or cancelled can go on"
-                raise JobError("job-not-stopped", "the job was not stopped", detail, HTTPStatus.CONFLICT)
+            folder, note = self._expect(name, revision, RESUME)
             (folder / PROGRESS).unlink(missing_ok=True)
             write_note(folder, replace(note, cancelled=0.0, process=None, queued=time.time(), revision=note.revision + 1))
             self._start_next()
@@ -153,10 +168,7 @@ class Jobs:
             JobError: there is none, it was changed meanwhile, or it has not ended.
         """
         with self._alone():
-            folder, _, status = self._expect(name, revision)
-            if status in ACTIVE:
-                detail = f"job {name} is {status}; cancel it first"
-                raise JobError("job-active", "the job has not ended", detail, HTTPStatus.CONFLICT)
+            folder, _ = self._expect(name, revision, DELETE)
             gone = folder.rename(folder.with_name(f".gone-{name}"))
             shutil.rmtree(gone, ignore_errors=True)
 
@@ -214,7 +226,7 @@ class Jobs:
             raise JobError("not-found", "no such job", f"there is no job {name[:60]!r}; it may have been deleted", HTTPStatus.NOT_FOUND)
         return folder
 
-    def _expect(self, name: str, revision: int) -> tuple[Path, Note, Status]:
+    def _expect(self, name: str, revision: int, wish: Wish) -> tuple[Path, Note]:
         folder = self._find(name)
         note = read_note(folder)
         if note.revision != revision:
@@ -223,7 +235,10 @@ class Jobs:
                 f"and the request was made for {revision}; look at the job again"
             )
             raise JobError("stale", "the job was changed meanwhile", detail, HTTPStatus.PRECONDITION_FAILED)
-        return folder, note, status_of(folder, note)
+        status = status_of(folder, note)
+        if status not in wish.among:
+            raise JobError(wish.kind, wish.title, f"job {name} is {status}; {wish.remedy}", HTTPStatus.CONFLICT)
+        return folder, note
 
     @contextmanager
     def _alone(self) -> Iterator[None]:

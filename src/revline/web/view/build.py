@@ -10,10 +10,10 @@ from revline.errors import InvalidInputError, RevlineError, suggestion
 from revline.web.plants import control_of
 from revline.web.problems import make_problem, problem_of
 from revline.web.state import State
-from revline.web.view.gains import view_contours, view_gains, view_margins, view_promises, view_roots
+from revline.web.view.gains import view_contours, view_gains, view_loop_roots, view_margins, view_promises, view_roots
 from revline.web.view.loops import view_answers, view_cycle, view_loop
 from revline.web.view.responses import view_models, view_peaks, view_response
-from revline.web.view.rest import view_map, view_point
+from revline.web.view.rest import view_map, view_point, view_validity
 from revline.web.view.words import view_words
 
 PARTS: Final[Mapping[str, Callable[[State], Mapping[str, Any]]]] = MappingProxyType(
@@ -24,10 +24,12 @@ PARTS: Final[Mapping[str, Callable[[State], Mapping[str, Any]]]] = MappingProxyT
         "roots": view_roots,
         "gains": view_gains,
         "margins": view_margins,
+        "loop_roots": view_loop_roots,
         "promises": view_promises,
         "loop": view_loop,
         "answers": view_answers,
         "map": view_map,
+        "validity": view_validity,
         "contours": view_contours,
         "peaks": view_peaks,
         "cycle": view_cycle,
@@ -38,7 +40,7 @@ PARTS: Final[Mapping[str, Callable[[State], Mapping[str, Any]]]] = MappingProxyT
 WORDS: Final = "words"
 OF_WORDS: Final = ("point", "margins", "promises", "loop")
 
-GROUPS: Final = (("response", "models", "roots", "promises", "answers"), ("point", "gains", "margins", "loop"))
+GROUPS: Final = (("response", "models", "roots", "promises", "answers"), ("point", "gains", "margins", "loop_roots", "loop"))
 """Live parts that share most of what they need, one group for each of two processes; `words` is made of both."""
 
 
@@ -56,16 +58,25 @@ def make_view(state: State, parts: Sequence[str]) -> Mapping[str, Any]:
         InvalidInputError: there is no part of a name.
     """
     began = time.perf_counter()
-    for name in parts:
-        if name not in PARTS and name != WORDS:
-            known = (*PARTS, WORDS)
-            message = f"a view has no part {name!r}{suggestion(name, known)}; it has {', '.join(known)}"
-            raise InvalidInputError(message, control="parts")
+    check_parts(parts)
     wanted = dict.fromkeys(name for name in parts if name != WORDS)
     found = {name: find_part(name, state) for name in wanted}
     if WORDS in parts:
         found[WORDS] = view_words(*(found[name] if name in found else find_part(name, state) for name in OF_WORDS))
     return {"parts": found, "seconds": time.perf_counter() - began}
+
+
+def check_parts(parts: Sequence[str]) -> None:
+    """Refuse a part that there is not.
+
+    Raises:
+        InvalidInputError: there is no part of a name.
+    """
+    for name in parts:
+        if name not in PARTS and name != WORDS:
+            known = (*PARTS, WORDS)
+            message = f"a view has no part {name!r}{suggestion(name, known)}; it has {', '.join(known)}"
+            raise InvalidInputError(message, control="parts")
 
 
 def find_part(name: str, state: State) -> Mapping[str, Any]:

@@ -1,6 +1,5 @@
 """Series of numbers for drawing: thinned so that no extreme is lost, finite, and no longer than a plot can show."""
 
-import itertools
 from typing import Final
 
 import numpy as np
@@ -32,11 +31,13 @@ def thin(times: ArrayLike, *series: ArrayLike, most: int = MOST) -> tuple[Floats
         return axis, *columns
     stretches = max(1, (most - 2) // (2 * max(1, len(columns))))
     edges = np.linspace(0, axis.size, stretches + 1).astype(int)
-    kept = {0, axis.size - 1}
+    starts, widths = edges[:-1], np.diff(edges)
+    # Stretches of one length side by side, the shorter ones filled up with their own last value.
+    at = starts[:, None] + np.minimum(np.arange(int(widths.max())), widths[:, None] - 1)
+    kept = [np.array([0, axis.size - 1])]
     for column in columns:
-        for low, high in itertools.pairwise(edges.tolist()):
-            kept |= {low + int(np.argmin(column[low:high])), low + int(np.argmax(column[low:high]))}
-    chosen = np.array(sorted(kept))
+        kept += [starts + np.argmin(column[at], axis=1), starts + np.argmax(column[at], axis=1)]
+    chosen = np.unique(np.concatenate(kept))
     return axis[chosen], *(column[chosen] for column in columns)
 
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any, Final
 
@@ -15,11 +16,25 @@ from revline.design.regions.loop_family import family_of_system
 from revline.design.regions.sensitivity_contour import find_sensitivity_contour
 from revline.design.stability.linear_loop import closed_loop_transfer
 from revline.design.stability.margins import Margins, find_margins
-from revline.design.stability.open_loop import open_loop_of_model, open_loop_of_system
+from revline.design.stability.open_loop import OpenLoop, open_loop_of_system
 from revline.errors import RevlineError
 from revline.io.margin_records import margin_record
+from revline.lti.interconnection import feed_back, to_state_space
+from revline.lti.roots import characteristic_roots
 from revline.lti.transfer_function import TransferFunction
-from revline.web.plants import MODELS, Place, find_point, fit_model, gains_of, place_of
+from revline.web.plants import (
+    MODELS,
+    Place,
+    Point,
+    check_amplitude,
+    check_influence,
+    find_point,
+    fit_model,
+    gains_of,
+    has_control,
+    loop_with_model,
+    place_of,
+)
 from revline.web.state import State
 from revline.web.view.drawing import drawn
 
@@ -32,11 +47,14 @@ COLUMNS, ROWS = 90, 60
 
 def view_gains(state: State) -> Mapping[str, Any]:
     """Give the (kp, ki) that stabilise the exact loop at the state's kd: the boundary for drawing, and where the state's gains lie."""
-    region = _region(place_of(state), state.kd)
+    place = place_of(state)
+    check_influence(state, find_point(place))
+    region = _region(place, state.kd)
     window = region.window
     kp = np.linspace(window.kp_low, window.kp_high, COLUMNS)
     ki = np.linspace(0.0, window.ki_high, ROWS)
     stable = region.stabilises(kp[None, :], ki[:, None])
+    area = region.area
     return {
         "kd": state.kd,
         "window": {"kp_low": window.kp_low, "kp_high": window.kp_high, "ki_high": window.ki_high},
@@ -44,7 +62,7 @@ def view_gains(state: State) -> Mapping[str, Any]:
         "boundary": _pieces(region),
         "shade": ["".join("1" if cell else "0" for cell in row) for row in stable],
         "kp_intervals_without_integral": [list(ends) for ends in region.kp_ends()],
-        "area": {"value": region.area.value, "error": region.area.error},
+        "area": {"value": area.value, "error": area.error},
     }
 
 
@@ -57,13 +75,18 @@ def _pieces(region: GainRegion) -> list[dict[str, Any]]:
 
 def view_contours(state: State) -> Mapping[str, Any]:
     """Give curves of equal peak sensitivity in the window of the region."""
-    region = _region(place_of(state), state.kd)
+    place = place_of(state)
+    check_influence(state, find_point(place))
+    region = _region(place, state.kd)
     found: list[dict[str, Any]] = []
     for peak in CONTOURS:
         try:
             contour = find_sensitivity_contour(region, peak)
         except RevlineError as error:
             found.append({"ms": peak, "none": str(error)})
+            continue
+        if not contour.kp.size:
+            found.append({"ms": peak, "none": f"at kd = {state.kd:g} no gains shown have a peak sensitivity of {peak:g}"})
             continue
         cuts = np.flatnonzero(np.diff(contour.piece) != 0) + 1
         pieces = [{"kp": drawn(p), "ki": drawn(i)} for p, i in zip(np.split(contour.kp, cuts), np.split(contour.ki, cuts), strict=True)]
@@ -72,32 +95,55 @@ def view_contours(state: State) -> Mapping[str, Any]:
 
 
 def view_margins(state: State) -> Mapping[str, Any]:
-    """Give the margins of the exact loop as `revline margins --json` does."""
+    """Give the margins of the exact loop as `revline margins --json` does; without any gain, what the engine alone does."""
     place, gains = place_of(state), gains_of(state)
+    point = find_point(place)
+    if not has_control(state):
+        return _uncontrolled(point)
+    check_influence(state, point)
     found = _exact_margins(place, gains.kp, gains.ki, gains.kd)
     record = dict(margin_record(found, gains))
     if found.stable:
-        return record
-    point = find_point(place)  # a nearest crossover of an unstable loop need not make it stable: count the roots beyond
+        return record  # a nearest crossover of an unstable loop need not make it stable: count the roots beyond
     stable_range = judge_linear_system(point.engine, point.trim, PidController(gains=gains)).stable_range
     return record if stable_range is None else record | {"stable_factors": list(stable_range)}
 
 
-def view_promises(state: State) -> Mapping[str, Any]:
-    """Give the margins that each fitted model promises."""
+def _uncontrolled(point: Point) -> Mapping[str, Any]:
+    """What there is to say where nothing controls the speed: how fast it comes to rest, and what a load does to it."""
+    slowest = point.trim.roots.roots[0]
+    return {
+        "no_control": True,
+        "stable": point.trim.stable,
+        "slowest_root_rad_s": [float(slowest.real), float(slowest.imag)],
+        "load_gain_rad_s_per_n_m": point.linear.model.static_gain("load_torque", "engine_speed"),
+    }
+
+
+def view_loop_roots(state: State) -> Mapping[str, Any]:
+    """Give the right-most characteristic roots of the loop with the exact plant, every delay kept; without any gain, those of the plant."""
     place, gains = place_of(state), gains_of(state)
+    point = find_point(place)
+    if not has_control(state):
+        return {"roots_rad_s": _pairs(point.trim.roots.roots)}
+    check_influence(state, point)
+    return {"roots_rad_s": _pairs(_exact_loop(place, gains.kp, gains.ki, gains.kd).closed_roots)}
+
+
+def view_promises(state: State) -> Mapping[str, Any]:
+    """Give the margins that each fitted model promises; none without any gain."""
+    check_amplitude(state, find_point(place_of(state)))
     models: dict[str, Any] = {}
-    for name in MODELS:
+    for name in MODELS if has_control(state) else ():
         try:
-            model = fit_model(place, state.amplitude_deg, name).fit.model
-            models[name] = _promise(find_margins(open_loop_of_model(model, gains, name=name)))
+            models[name] = _promise(find_margins(replace(loop_with_model(state, name), name=f"of {name} under these gains")))
         except RevlineError as error:
             models[name] = {"problem": str(error)}
     return models
 
 
 def view_roots(state: State) -> Mapping[str, Any]:
-    """Give the right-most characteristic roots of the exact plant, and each model's poles and, without delay, those of its loop.
+    """Give the right-most characteristic roots of the exact plant, and each model's poles with the right-most ones of its loop.
 
     A model that cannot be fitted is left out here; the part `models` says why.
     """
@@ -114,10 +160,21 @@ def view_roots(state: State) -> Mapping[str, Any]:
 
 
 def _closed(model: TransferFunction, gains: PidGains) -> dict[str, Any]:
-    """Poles of the loop with a model without delay; a loop with delay has no end of them."""
-    if model.delay > 0.0:
+    """Poles of the loop with a model: all of them without delay, the right-most ones with it; left out where there are none to tell."""
+    if model.delay == 0.0:
+        return {"closed": _pairs(closed_loop_transfer(model, gains).poles)}
+    above, below = ((gains.ki, gains.kp, gains.kd), (0.0, 1.0)) if gains.ki else ((gains.kp, gains.kd), (1.0,))
+    if not any(above):
+        return {"closed": _pairs(model.poles)}
+    try:
+        opened = TransferFunction(
+            numerator=tuple(np.trim_zeros(np.convolve(model.numerator, above), "b").tolist()),
+            denominator=tuple(np.convolve(model.denominator, below).tolist()),
+            delay=model.delay,
+        )
+        return {"closed": _pairs(characteristic_roots(feed_back(to_state_space(opened), [[-1.0]])).roots)}
+    except RevlineError:  # no end of roots to the right, or none that settle
         return {}
-    return {"closed": _pairs(closed_loop_transfer(model, gains).poles)}
 
 
 def _pairs(roots: Any) -> list[list[float]]:
@@ -127,15 +184,20 @@ def _pairs(roots: Any) -> list[list[float]]:
 @lru_cache(maxsize=64)
 def _region(place: Place, kd: float) -> GainRegion:
     point = find_point(place)
-    return find_gain_region(family_of_system(point.linear.model, kd=kd, name=point.engine.name))
+    return find_gain_region(family_of_system(point.linear.model, kd=kd, name=point.engine.name, roots=point.trim.roots))
+
+
+@lru_cache(maxsize=64)
+def _exact_loop(place: Place, kp: float, ki: float, kd: float) -> OpenLoop:
+    point = find_point(place)
+    gains = PidGains(kp=kp, ki=ki, kd=kd, input_unit="rad/s", output_unit="deg", rule="by hand", designed_on="the workbench")
+    name = f"{point.engine.name} at {point.trim.input('throttle'):g} deg, {place.load:g} N m under these gains"
+    return replace(open_loop_of_system(point.linear.model, gains), name=name)
 
 
 @lru_cache(maxsize=64)
 def _exact_margins(place: Place, kp: float, ki: float, kd: float) -> Margins:
-    point = find_point(place)
-    gains = PidGains(kp=kp, ki=ki, kd=kd, input_unit="rad/s", output_unit="deg", rule="by hand", designed_on="the workbench")
-    name = f"{point.engine.name} at {point.trim.input('throttle'):g} deg, {place.load:g} N m"
-    return find_margins(open_loop_of_system(point.linear.model, gains, name=name))
+    return find_margins(_exact_loop(place, kp, ki, kd))
 
 
 def _promise(found: Margins) -> dict[str, Any]:

@@ -11,10 +11,20 @@ from revline.analysis.cycle_readings import ReadingMethod
 from revline.analysis.periodic import Excitation
 from revline.analysis.sinestream import PartialSinestream, attempt_sinestream
 from revline.design.fitting.model_choice import NamedFit, judge_model
-from revline.errors import RevlineError
+from revline.errors import InvalidInputError, RevlineError
 from revline.io.fit_records import fit_record
 from revline.lti.response import FrequencyResponse
-from revline.web.plants import MODELS, check_amplitude, find_balance, find_point, fit_model, place_of
+from revline.web.plants import (
+    MODELS,
+    Point,
+    check_amplitude,
+    check_influence,
+    control_of,
+    find_balance,
+    find_point,
+    fit_model,
+    place_of,
+)
 from revline.web.problems import problem_of
 from revline.web.state import State
 from revline.web.view.drawing import drawn
@@ -32,13 +42,12 @@ def view_response(state: State) -> Mapping[str, Any]:
     """Give the response of the speed to the throttle: of the exact linear model, and of the engine by harmonic balance."""
     place = place_of(state)
     point = find_point(place)
-    exact = point.linear.model.response(np.array(GRID), "throttle", "engine_speed")
-    record: dict[str, Any] = {"exact": curve(exact)}
+    record: dict[str, Any] = {"exact": _exact(state, point)}
     try:
         check_amplitude(state, point)
         found = find_balance(place, state.amplitude_deg)
     except RevlineError as error:  # the exact response needs no sinusoid
-        return {**record, "harmonic_balance": {"problem": problem_of(error, control="amplitude_deg")}}
+        return {**record, "harmonic_balance": {"problem": problem_of(error, control=control_of(error, state) or "amplitude_deg")}}
     balance = found.finished if isinstance(found, PartialBalance) else found
     record["harmonic_balance"] = {
         **curve(balance.response()),
@@ -46,6 +55,15 @@ def view_response(state: State) -> Mapping[str, Any]:
         "notes": [*balance.notes, *([str(found)] if isinstance(found, PartialBalance) else [])],
     }
     return record
+
+
+def _exact(state: State, point: Point) -> Mapping[str, Any]:
+    """The exact linear response, or why there is none."""
+    try:
+        check_influence(state, point)
+    except InvalidInputError as error:
+        return {"problem": problem_of(error, control=control_of(error, state))}
+    return curve(point.linear.model.response(np.array(GRID), "throttle", "engine_speed"))
 
 
 def view_models(state: State) -> Mapping[str, Any]:

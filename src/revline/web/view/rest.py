@@ -29,6 +29,12 @@ def view_point(state: State) -> Mapping[str, Any]:
     return {**trim_record(point.trim, point.linear.model), "warnings": remarks}
 
 
+def view_validity(state: State) -> Mapping[str, Any]:
+    """Say what limits the linear model here: kinks, limits of the equations near by, a drift, other steady states."""
+    linear = find_point(place_of(state)).linear
+    return {"warnings": list(linear.warnings(linear.find_limits()))}
+
+
 def view_map(state: State) -> Mapping[str, Any]:
     """Give the steady speeds over the throttle, where they end, and the widest straight line through them about the operating point."""
     found = _map(state.engine, state.changed, state.load_n_m)

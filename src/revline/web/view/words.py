@@ -29,8 +29,13 @@ def view_words(point: Record, margins: Record, promises: Record, loop: Record) -
 
 def verdict(point: Record, margins: Record, promises: Record, loop: Record) -> str:
     """Say in one line how the loop is: by its exact linear model, on the engine, and what the models without delay would have said."""
+    kink = ["the engine has a kink here, and a linear model holds on one side of it alone"]
+    if not any(" has a kink in " in remark for remark in point.get("warnings", ())):
+        kink = []
     if "problem" in margins:
-        return f"nothing can be said of the loop: {margins['problem']['detail']}"
+        return "; ".join([f"nothing can be said of the loop: {margins['problem']['detail']}", *kink])
+    if margins.get("no_control"):
+        return "; ".join(filter(None, (_alone(margins), _unfinished(loop), *kink)))
     parts = [f"with the controller {_stability(margins)}" if loop.get("open_loop") else _stability(margins)]
     seen = _seen(loop, stable=bool(margins["stable"]))
     if seen:
@@ -40,7 +45,18 @@ def verdict(point: Record, margins: Record, promises: Record, loop: Record) -> s
         parts.append(fooled)
     if not point["stable"]:
         parts.append("the engine alone is unstable here")
-    return "; ".join(parts)
+    return "; ".join([*parts, *kink])
+
+
+def _alone(margins: Record) -> str:
+    """What it means that nothing controls the speed."""
+    if not margins["stable"]:
+        return "no control: kp, ki and kd are 0, and the engine alone is unstable here: its speed does not stay"
+    moved = abs(margins["load_gain_rad_s_per_n_m"])
+    return (
+        "no control: kp, ki and kd are 0, so that the engine runs alone, stable by itself; it follows no command, and each N m of load "
+        f"moves its speed by {moved:.2g} rad/s for good"
+    )
 
 
 def _stability(margins: Record) -> str:
@@ -83,7 +99,7 @@ def _unfinished(loop: Record) -> str:
         return f"on the engine: {loop['ended']}"
     if "still_moving" in loop:
         return "after the load's step the engine still moves away at the end of the time shown"
-    return "on the engine the time run does not tell how it ends" if "undecided" in loop else ""
+    return "on the engine the time shown does not tell yet how it ends: show more" if "undecided" in loop else ""
 
 
 def _rest(engine: Record, *, stable: bool) -> str:
@@ -113,16 +129,20 @@ def _point_lines(point: Record) -> Iterator[str]:
         f"At rest at {point['throttle_deg']:.4g} deg: {point['speed_rad_s']:.1f} rad/s ({point['speed_rpm']:.0f} rpm), "
         f"{point['pressure_kpa']:.1f} kPa; torque follows the intake {1e3 * point['lags_s']['charge']:.1f} ms late."
     )
-    if not point["stable"]:
-        yield f"The engine alone is unstable there ({point['unstable_roots']} roots right of the imaginary axis)."
+    yield from (f"{remark[:1].upper()}{remark[1:]}." for remark in point.get("warnings", ()))
 
 
 def _model_lines(promises: Record) -> Iterator[str]:
+    if "problem" in promises:
+        yield f"The models promise nothing: {promises['problem']['detail']}."
+        return
+    reasons = {name: found.get("problem", "").split(";")[0].replace(f"of {name} ", "") for name, found in promises.items()}
+    if "" not in reasons.values() and len(set(reasons.values())) == 1:
+        yield f"The models promise nothing: {next(iter(reasons.values()))}."
+        return
     for name, found in promises.items():
-        if name not in NAMES:
-            continue
-        if "problem" in found:
-            yield f"{NAMES[name].capitalize()} promises nothing: {found['problem']}"
+        if reasons[name]:
+            yield f"{NAMES[name].capitalize()} promises nothing: {reasons[name]}."
         elif not found["stable"]:
             yield f"{NAMES[name].capitalize()} calls the loop unstable."
         else:
@@ -133,6 +153,8 @@ def _model_lines(promises: Record) -> Iterator[str]:
 
 def _engine_lines(margins: Record, loop: Record) -> Iterator[str]:
     engine = {} if "problem" in loop else loop
+    if margins.get("no_control") and margins["stable"]:
+        yield f"Left alone it comes to rest with a time constant of {-1.0 / margins['slowest_root_rad_s'][0]:.2g} s."
     if "summary" in engine:
         yield f"The engine {engine['summary']}."
     if engine.get("saturated_share", 0.0) > 0.0:

@@ -1,0 +1,158 @@
+"""Views for many pages at once: what is kept is given at once, the rest is found in turns, and told where it is left for later."""
+
+import asyncio
+import json
+import math
+import time
+from collections.abc import Awaitable, Mapping, Sequence
+from typing import Final
+
+from revline.io.json_files import format_compact_json
+from revline.web.answers import answer_parts
+from revline.web.kept import Kept, key_of
+from revline.web.state import State
+from revline.web.turns import Turn
+from revline.web.view.build import GROUPS, OF_WORDS, WORDS, check_parts
+from revline.web.view.words import view_words
+from revline.web.workers import Crew, WorkerError
+
+ROUND: Final = 0.4
+"""Seconds in which each client that waits has its turn, where it lets parts be left for later."""
+
+FEW: Final = 2
+"""While no more clients than this wait, nothing is left for later."""
+
+FIRST: Final = ("point", "margins", "loop", "promises", "gains", "answers")
+ORDER: Final = (*FIRST, *(name for group in GROUPS for name in group if name not in FIRST))
+"""Live parts, those first that a page shows a move by; the verdict in words is made once its parts are there."""
+
+PROBLEM: Final = b'{"problem":'
+
+
+class Wanted:
+    """What a client asks for, and what was found of it.
+
+    Args:
+        client: who asks.
+        state: what is shown.
+        parts: their names.
+        whole: whether all parts are wanted in one answer, however long it takes.
+
+    Raises:
+        InvalidInputError: there is no part of a name.
+    """
+
+    def __init__(self, client: str, state: State, parts: Sequence[str], *, whole: bool) -> None:
+        check_parts(parts)
+        self.client, self.whole, self.parts = client, whole, tuple(dict.fromkeys(parts))
+        self.entries = state.model_dump(exclude_none=True)
+        needed = [*(name for name in self.parts if name != WORDS), *(OF_WORDS if WORDS in self.parts else ())]
+        self.keys = {name: key_of(name, self.entries) for name in needed}
+        self.found: dict[str, bytes] = {}
+
+    def missing(self, names: Sequence[str]) -> list[str]:
+        """Those of some parts that are needed and not found yet."""
+        return [name for name in names if name in self.keys and name not in self.found]
+
+    @property
+    def slow(self) -> list[str]:
+        """Parts that are needed, not found yet, and take long."""
+        return [name for name in self.missing(tuple(self.keys)) if name not in ORDER]
+
+    def answer(self) -> tuple[dict[str, bytes], list[str]]:
+        """Give the parts that were found, and the names of those that were left for later."""
+        given = {name: self.found[name] for name in self.parts if name in self.found}
+        if WORDS in self.parts and all(name in self.found for name in OF_WORDS):
+            words = view_words(*(json.loads(self.found[name]) for name in OF_WORDS))
+            given[WORDS] = format_compact_json(words).encode()
+        return given, [name for name in self.parts if name not in given]
+
+
+class Views:
+    """Finds views.
+
+    Args:
+        live: processes for what a page follows each move with.
+        slow: processes for what takes longer.
+    """
+
+    def __init__(self, live: Crew, slow: Crew) -> None:
+        self._live, self._slow, self._kept = live, slow, Kept()
+
+    async def find(self, client: str, state: State, parts: Sequence[str], *, newest: bool, whole: bool) -> bytes:
+        """Find a view, as JSON.
+
+        Args:
+            client: who asks.
+            state: what is shown.
+            parts: their names.
+            newest: whether it displaces what the client asked for before, and that still waits.
+            whole: whether all parts are wanted in one answer; else some are left for later while many clients wait, and named.
+
+        Raises:
+            InvalidInputError: there is no part of a name.
+            SupersededError: the client asked for something newer meanwhile.
+        """
+        began = time.perf_counter()
+        wanted = Wanted(client, state, parts, whole=whole)
+        wanted.found |= self._kept.find(wanted.keys)
+        if wanted.missing(ORDER):
+            most = len(_split(wanted))
+            async with self._live.turns.turn(client, newest=newest, most=most) as turn:
+                wanted.found |= self._kept.find(wanted.keys)  # another client may have asked for the same meanwhile
+                await asyncio.gather(*self._shares(turn, wanted), *self._slow_share(wanted))
+        elif wanted.slow:
+            async with self._slow.turns.turn(client, newest=newest) as turn:
+                await self._share(self._slow, turn, turn.places[0], wanted, wanted.slow)
+        given, later = wanted.answer()
+        body = b",".join(b'"' + name.encode() + b'":' + part for name, part in given.items())
+        left = f',"later":{json.dumps(later)}' if later else ""
+        return b'{"parts":{' + body + b"}" + f'{left},"seconds":{time.perf_counter() - began:.6f}}}'.encode()
+
+    def _shares(self, turn: Turn, wanted: Wanted) -> list[Awaitable[None]]:
+        """Live parts, side by side where nobody else waits; else one process finds what there is time for."""
+        if len(turn.places) > 1:
+            shares = zip(tuple(turn.places), _split(wanted), strict=False)
+            return [self._share(self._live, turn, place, wanted, share) for place, share in shares]
+        names = wanted.missing(ORDER)
+        if not names:
+            return []
+        seconds = math.inf if wanted.whole or turn.others <= FEW else ROUND * self._live.count / (turn.others + 1)
+        return [self._share(self._live, turn, turn.places[0], wanted, names, seconds)]
+
+    def _slow_share(self, wanted: Wanted) -> list[Awaitable[None]]:
+        """Parts that take longer, beside the live ones; where others wait for them, they may be left for later."""
+        if not wanted.slow or not (wanted.whole or self._slow.turns.unused):
+            return []
+
+        async def find() -> None:
+            async with self._slow.turns.turn(wanted.client) as turn:
+                await self._share(self._slow, turn, turn.places[0], wanted, wanted.slow)
+
+        return [find()]
+
+    async def _share(self, crew: Crew, turn: Turn, place: int, wanted: Wanted, names: Sequence[str], seconds: float = math.inf) -> None:
+        found = await turn.work(place, find_share(crew.at(place, answer_parts, wanted.entries, list(names), seconds), names))
+        wanted.found |= found
+        for name, body in found.items():
+            if not body.startswith(PROBLEM):
+                self._kept.keep(wanted.keys[name], body)
+
+
+def _split(wanted: Wanted) -> list[list[str]]:
+    """Live parts that are needed, in groups that share what they need."""
+    return [names for names in (wanted.missing(group) for group in GROUPS) if names]
+
+
+async def find_share(asked: Awaitable[Mapping[str, bytes]], names: Sequence[str]) -> Mapping[str, bytes]:
+    """Have some parts found; where their process gives no answer, that is the problem of these parts and of no others.
+
+    Args:
+        asked: of their process.
+        names: of the parts.
+    """
+    try:
+        return await asked
+    except WorkerError as error:
+        body = format_compact_json({"problem": error.problem}).encode()
+        return dict.fromkeys(names, body)

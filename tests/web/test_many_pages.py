@@ -1,0 +1,160 @@
+"""Many pages at once: parts are shared where they are the same, left for later only where that is allowed, and none is lost."""
+
+import asyncio
+import json
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from revline.errors import InvalidInputError
+from revline.web.answers import answer_parts
+from revline.web.kept import OF_PART, Kept, key_of
+from revline.web.state import State, parse_state
+from revline.web.turns import Turns
+from revline.web.view.build import PARTS
+from revline.web.views import FEW, ORDER, Views
+from tests.benchmarks.loading import load_script
+
+CHANGES: dict[str, Any] = {
+    "parameters": {"rotation.inertia": 0.2},
+    "throttle_deg": 30.0,
+    "load_n_m": 3.0,
+    "amplitude_deg": 4.0,
+    "kp": 0.8,
+    "ki": 3.0,
+    "kd": 0.05,
+    "step": "throttle",
+    "command_rad_s": 20.0,
+    "load_step_n_m": 2.0,
+    "throttle_step_deg": 2.0,
+    "until_s": 3.0,
+    "low_deg": 1.0,
+    "high_deg": 70.0,
+}
+QUICK = ("point", "response", "models", "roots", "gains", "margins", "loop_roots", "promises", "loop", "answers")
+
+
+def test_what_a_part_is_kept_by_is_what_it_depends_on() -> None:
+    """A key that is left out of `OF_PART` must not change the part; were one missing there, a page would be shown another's numbers."""
+    before = answer_parts({}, QUICK)
+    for key, value in CHANGES.items():
+        state = {key: value}
+        found = answer_parts(state, [name for name in QUICK if key not in OF_PART.get(name, CHANGES)])
+        assert all(body == before[name] for name, body in found.items()), key
+        for name in PARTS:
+            same = key_of(name, parse_state({}).model_dump()) == key_of(name, parse_state(state).model_dump())
+            assert same == (name in OF_PART and key not in OF_PART[name]), (name, key)
+    assert set(ORDER) == set(QUICK)
+
+
+def test_the_steady_map_and_slow_parts_are_kept_by_what_they_read() -> None:
+    read = {"map": ("kp", "amplitude_deg"), "validity": ("kp", "amplitude_deg"), "contours": ("kp", "amplitude_deg"), "peaks": ("kp", "kd")}
+    for name, keys in read.items():
+        assert not set(keys) & set(OF_PART[name])
+    assert "cycle" not in OF_PART
+
+
+def test_the_page_asks_by_what_the_server_keeps_by() -> None:
+    """The page's table of what parts depend on is the server's, which is held against the parts themselves above."""
+    source = (Path(__file__).parents[2] / "page" / "src" / "needs.ts").read_text(encoding="utf-8")
+    lists = {
+        name: re.findall(r'"(\w+)"', body) for name, body in re.findall(r"const (\w+): readonly Key\[\] = \[(.*?)\];", source, re.DOTALL)
+    }
+    table = source[source.index("const OF_PART") : source.index("const ALL")]
+    found = {}
+    for part, one, many in re.findall(r"^  (\w+): (?:(\w+)|\[(.*?)\]),$", table, re.MULTILINE | re.DOTALL):
+        spread = re.sub(r"\.\.\.(\w+)", lambda name: ",".join(f'"{key}"' for key in lists[name[1]]), many)
+        found[part] = set(lists[one] if one else re.findall(r'"(\w+)"', spread))
+    assert found == {part: set(keys) for part, keys in OF_PART.items()}
+
+
+def test_kept_answers_are_bounded_and_the_oldest_are_forgotten() -> None:
+    kept = Kept(size=1000)
+    keys = [key_of("margins", {"kp": float(k)}) for k in range(20)]
+    for key in keys:
+        kept.keep(key, 100 * b"x")
+        kept.find({"margins": keys[0]})  # asked for again and again
+    assert kept.size == 1000
+    found = [k for k, key in enumerate(keys) if kept.find({"margins": key})]
+    assert found == [0, *range(11, 20)]
+    kept.keep(keys[0], 40 * b"x")
+    assert kept.size == 940
+
+
+class Crew:
+    """Stands for processes: answers with the names of the parts, the first of many where little time is given."""
+
+    def __init__(self, count: int = 1) -> None:
+        self.count, self.turns = count, Turns(count)
+        self.asked: list[tuple[list[str], float]] = []
+
+    async def at(self, place: int, function: Any, entries: dict[str, Any], names: Sequence[str], seconds: float) -> dict[str, bytes]:
+        del place, function, entries
+        self.asked.append((list(names), seconds))
+        await asyncio.sleep(0.001)
+        return dict.fromkeys(names if seconds == math.inf else names[:1], b'{"at":1}')
+
+
+def views() -> tuple[Views, Crew, Crew]:
+    live, slow = Crew(), Crew()
+    pools: Any = live, slow
+    return Views(*pools), live, slow
+
+
+def test_parts_are_left_for_later_only_where_allowed_and_many_wait_and_are_all_found_in_the_end() -> None:
+    async def run() -> None:
+        made, live, _ = views()
+
+        async def page(number: int, *, whole: bool) -> tuple[int, dict[str, Any]]:
+            state, asked, rounds = State(kp=1.0 + number), ["point", "loop", "margins", "gains"], 0
+            found: dict[str, Any] = {}
+            while asked:
+                record = json.loads(await made.find(f"page {number}", state, asked, newest=True, whole=whole))
+                assert set(record["parts"]) | set(record.get("later", ())) == set(asked)
+                assert not set(record["parts"]) & set(record.get("later", ()))
+                found |= record["parts"]
+                asked, rounds = record.get("later", []), rounds + 1
+            return rounds, found
+
+        few = await asyncio.gather(*(page(number, whole=False) for number in range(FEW)))
+        assert [rounds for rounds, _ in few] == [1] * FEW
+        many = await asyncio.gather(*(page(10 + number, whole=False) for number in range(20)))
+        assert all(set(found) == {"point", "loop", "margins", "gains"} for _, found in many)
+        assert max(rounds for rounds, _ in many) > 1
+        assert any(seconds < 0.1 for _, seconds in live.asked)
+        patient = await asyncio.gather(*(page(40 + number, whole=True) for number in range(20)))
+        assert [rounds for rounds, _ in patient] == [1] * 20
+
+    asyncio.run(run())
+
+
+def test_pages_that_show_the_same_are_answered_once() -> None:
+    async def run() -> None:
+        made, live, slow = views()
+        parts = ["point", "margins", "map", "contours"]
+        for _ in range(2):
+            bodies = await asyncio.gather(*(made.find(f"page {n}", State(), parts, newest=True, whole=True) for n in range(10)))
+            assert all(set(json.loads(body)["parts"]) == set(parts) for body in bodies)
+        assert live.asked == [(["point", "margins"], math.inf)]
+        assert [names for names, _ in slow.asked] == [["map", "contours"]]
+        with pytest.raises(InvalidInputError, match="a view has no part 'nix'"):
+            await made.find("page", State(), ["nix"], newest=True, whole=True)
+
+    asyncio.run(run())
+
+
+def test_eight_pages_move_sliders_and_each_gets_all_of_its_last_state() -> None:
+    """A short run of `benchmarks/workbench_load.py`; what it takes is measured there, what must always hold is tried here."""
+    load = load_script("workbench_load")
+    found = load.measure(8, 3.0, load.MIXES["mixed"])
+    assert (found.failed, found.lost) == ([], [])
+    assert all(client.answered == len(client.moved) > 3 for client in found.clients)
+    assert len(found.waits) == sum(len(client.moved) for client in found.clients)
+    assert max(found.memory) < found.memory[0] + 150.0
+    shown = found.clients[3]
+    assert shown.parts["point"]["throttle_deg"] == pytest.approx(shown.state["throttle_deg"], rel=1e-9)
+    assert json.loads(answer_parts(shown.state, ["margins"])["margins"]) == shown.parts["margins"]
