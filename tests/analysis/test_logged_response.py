@@ -100,10 +100,10 @@ def test_what_was_wrong_before() -> None:
 
 
 def test_noise_is_told_by_the_deviation() -> None:
-    """Of 40 records with noise the scatter of the magnitude is the deviation that each tells."""
+    """Of 14 records with noise the scatter of the magnitude is the deviation that each tells."""
     u = prbs()
     y, draw = answer_held(u), np.random.default_rng(5)
-    found = [estimated(u, y + draw.normal(0.0, 0.01, y.size))[0] for _ in range(20)]
+    found = [estimated(u, y + draw.normal(0.0, 0.01, y.size))[0] for _ in range(14)]
     places = [0, 10, 20, 30]
     sizes = np.array([np.abs(entry.response.values[places]) for entry in found])
     told = np.mean([entry.deviation[places] for entry in found], axis=0)
@@ -144,7 +144,7 @@ def test_a_course_that_is_not_known_widens_the_bound() -> None:
 def test_uneven_samples_widen_the_bound(between: Between) -> None:
     """The input changes at its samples, which lie up to a fifth of their distance off an even clock; the answer is exact."""
     draw = np.random.default_rng(6)
-    u = np.append(0.0, draw.choice([-1.0, 1.0], 1799))
+    u = np.append(0.0, draw.choice([-1.0, 1.0], 1399))
     times = STEP * (np.arange(u.size) + np.append(0.0, draw.uniform(-0.2, 0.2, u.size - 1)))
     since = times[:, None] - times
     if between is Between.HELD:

@@ -59,7 +59,7 @@ def test_warnings_name_what_is_left_out(engine_map: SteadyMap) -> None:
 
 
 @given(st.lists(st.floats(-0.5, 0.5), min_size=8, max_size=8), st.sampled_from([-20.0, 0.0, 0.0, 10.0, 40.0, 90.0]), st.integers(3, 9))
-@settings(max_examples=12)
+@settings(max_examples=8)
 def test_a_map_is_what_single_trims_give(changes: list[float], load: float, points: int) -> None:
     """Of any engine, also where it stalls: states, stability and roots within 1e-9, the same values without a steady state."""
     engine, grid = drawn_engine(changes), np.linspace(0.0, 90.0, points)

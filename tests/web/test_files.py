@@ -68,13 +68,13 @@ def test_a_log_of_the_engine_itself_is_explained_up_to_its_noise() -> None:
 def test_a_held_throttle_is_played_and_read_as_held() -> None:
     """Read as straight, its steps come half a sample too early, and the response has half a sample more of delay."""
     draw, point = np.random.default_rng(4), find_point(place_of(State()))
-    steps = np.repeat(draw.choice([-1.0, 1.0], 600), 3)
+    steps = np.repeat(draw.choice([-1.0, 1.0], 400), 3)
     edges = 0.02 * np.arange(1, steps.size)
     jumps = np.column_stack((edges - 1e-4, edges + 1e-4)).ravel()
     course = np.column_stack((steps[:-1], steps[1:])).ravel()
     start = Start(states=point.trim.states, inputs=point.trim.inputs)
     moves = {"throttle": signals.recorded(jumps, course)}
-    run = simulate(point.engine, start, moves, until=36.0, step=1e-3, options=Options(every=20))
+    run = simulate(point.engine, start, moves, until=24.0, step=1e-3, options=Options(every=20))
     rows = "".join(f"{t:.2f},{25.0 + u:.6f},{y:.8f}\n" for t, u, y in zip(run.times, steps, run.output("engine_speed"), strict=False))
     found = {
         kind: read_log_file(f"{kind}time_s,throttle_deg,speed_rad_s\n{rows}", "held.csv", State())

@@ -10,7 +10,7 @@ from revline.analysis.kinked_cycles import find_kinked_cycle
 from revline.analysis.linearize import linearize
 from revline.analysis.trim import Trim, find_trim
 from revline.design.controllers.controller import PidGains
-from revline.design.loops import hunting, onset
+from revline.design.loops import hunting, loop_simulation, onset
 from revline.design.loops.closed_loop import Limits, LoopRun, LoopTask, run_loop
 from revline.design.loops.hunting import HuntingOrbit, UnrefinedCycle, confirm_cycle, refine_cycle, run_to_its_end
 from revline.design.loops.onset import RayTask, find_onset
@@ -66,6 +66,20 @@ def test_the_larger_cycle_touches_the_limit_and_is_known_to_eight_digits(engine:
     assert found.cycle.stable
     assert found.cycle.trivial_error < 1e-6
     assert found.start == hunting.BALANCE
+
+
+def test_a_run_of_very_many_steps_is_recorded_thinly_and_leads_to_the_same_cycle(
+    engine: DelaySystem, point: OperatingPoint, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As of an engine with a delay of microseconds, whose samples would take gigabytes: every sixth of its samples is kept."""
+    whole = run_loop(engine, point, C1, LoopTask(command=1.0, until=12.0, step=5e-4), limits=LIMITS)
+    monkeypatch.setattr(loop_simulation, "MOST_RECORDED", 4000)
+    thin = run_loop(engine, point, C1, LoopTask(command=1.0, until=12.0, step=5e-4), limits=LIMITS)
+    assert (whole.times.size, thin.times.size, thin.step) == (24001, 4001, whole.step)
+    assert thin.output.tolist() == whole.output[::6].tolist()
+    orbits = [confirm_cycle(engine, point, run, tolerance=1e-3) for run in (whole, thin)]
+    assert orbits[1].period == pytest.approx(orbits[0].period, rel=1e-6)
+    assert orbits[1].gap <= orbits[1].tolerance
 
 
 def test_the_engines_neighbours_near_the_limited_cycle_at_the_rate_of_its_multiplier(engine: DelaySystem, point: OperatingPoint) -> None:

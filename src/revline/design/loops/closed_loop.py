@@ -68,6 +68,7 @@ def run_loop(
 
     A step that is longer than a lag which the run comes to is refused. Where a run fails by a lag in another way, it is made again with
     half the step, up to four times, to tell whether the step or the model is at fault; samples stay where they were asked for.
+    Of a run of more than a million steps so many are recorded, evenly spaced.
     As the system has limits of its own, it counts as diverged only where its measurement also is further from the target than it was
     from zero at the start.
 
@@ -118,7 +119,7 @@ def record_loop(
         states=np.append(point.states, _states(controller, point.measurement)),
         inputs=loop.input_vector({**inputs, loop.inputs[-1].name: point.measurement}),
     )
-    mesh = Mesh(task.until, task.step, max(1, math.ceil(task.step / _step_limit(controller))))
+    mesh = Mesh(task.until, task.step, max(1, math.ceil(task.step / _step_limit(controller)))).thinned()
     record = simulate_loop(loop, start, task.command, mesh, measured=measured, loads=task.loads)
     found, unit = float(record.trace.output[0]), gains.input_unit
     if abs(found - point.measurement) > 1e-6 * max(1.0, abs(found)):

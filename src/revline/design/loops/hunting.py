@@ -12,7 +12,7 @@ from revline import signals
 from revline.analysis.harmonic_balance import BalanceSettings
 from revline.analysis.kinked_cycles import KinkedCycle, find_kinked_cycle
 from revline.analysis.limit_cycles import CycleGuess, find_cycle
-from revline.dde.simulate import Start, simulate
+from revline.dde.simulate import Options, Start, simulate
 from revline.design.controllers.controller import PidGains
 from revline.design.loops.closed_loop import Limits, LoopRun, LoopTask, close_loop, run_loop
 from revline.design.loops.outcome import LimitCycle
@@ -199,7 +199,8 @@ def _guess(plant: DelaySystem, point: OperatingPoint, run: LoopRun, wires: LoopS
     held = {name: value for name, value in point.inputs.items() if name != wires.drive}
     start = Start(states=np.append(point.states, 0.0), inputs=loop.input_vector({**held, loop.inputs[-1].name: point.measurement}))
     drive = {loop.inputs[-1].name: signals.step(run.command)}
-    again = simulate(loop, start, drive, until=float(run.times[-1]), step=run.step)
+    every = max(1, round(float(run.times[1] - run.times[0]) / run.step))
+    again = simulate(loop, start, drive, until=float(run.times[-1]), step=run.step, options=Options(every=every))
     states = again.states if run.gains.ki else again.states[:, :-1]
     return CycleGuess.from_run(again.times, states, _outcome(run).period, samples)
 

@@ -29,6 +29,9 @@ LEAST_STEPS = 20
 MOST_STEPS = 1e8
 """More steps than this would run for minutes."""
 
+MOST_RECORDED = 1_000_000
+"""Of a run of more steps each how-manieth is recorded, so that there are no more samples: a run and its judgement then take 1 GB."""
+
 CONTROLLER_OUTPUTS = 5
 """The controller's outputs are the last of a loop: control, control wanted, and its three terms."""
 
@@ -60,6 +63,11 @@ class Mesh(NamedTuple):
     until: float
     spacing: float
     pieces: int = 1
+
+    def thinned(self) -> "Mesh":
+        """Record at a multiple of the distance where there would be too many samples to hold; the steps stay."""
+        every = max(1, math.ceil(self.until / self.spacing / MOST_RECORDED))
+        return Mesh(self.until, every * self.spacing, every * self.pieces)
 
 
 class Ended(NamedTuple, Generic[T]):
