@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 MOVES_PER_SECOND = 5.0
-PARTS = ("point", "response", "models", "roots", "gains", "margins", "promises", "loop", "answers", "words")
+PARTS = ("point", "response", "models", "roots", "gains", "margins", "loop_roots", "promises", "loop", "answers", "words")
 PROGRAM = (str(Path(sys.executable).with_name("revline")), "serve", "--no-browser", "-q", "--port", "0")
 LONGEST = 120.0
 """Seconds after which an answer counts as lost."""

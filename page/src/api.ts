@@ -43,6 +43,7 @@ export interface Parts {
     pressure_kpa: number;
     stable: boolean;
     gain_rad_s_per_deg: number;
+    rightmost_roots_rad_s: Pair[];
     lags_s: Record<string, number>;
   }>;
   response: OrProblem<{
@@ -110,7 +111,7 @@ export interface Parts {
     };
   }>;
   contours: OrProblem<{ contours: { ms: number; pieces?: { kp: number[]; ki: number[] }[]; none?: string }[] }>;
-  peaks: OrProblem<Curve & { distortion: number[] }>;
+  peaks: OrProblem<Curve & { distortion: number[]; missing?: string }>;
   cycle: OrProblem<Record<string, unknown>>;
   validity: OrProblem<{ warnings: string[] }>;
   words: { verdict: string; lines: string[] };

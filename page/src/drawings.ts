@@ -2,6 +2,7 @@
 
 import { type Curve, type Found, isProblem, type Pair } from "./api";
 import { COLORS } from "./colors";
+import { responseNotes, shareFound } from "./notes";
 import type { Drawing, Line } from "./plot";
 import type { State } from "./state";
 
@@ -127,10 +128,12 @@ export function drawBode(found: Found, which: "magnitude_db" | "phase_deg", own?
   if (!exact && !balance && !own) return undefined;
   const values = [...(exact?.[which] ?? []), ...(balance?.[which] ?? []), ...(own?.[which] ?? [])];
   const y = which === "phase_deg" ? ([-450, 10] as [number, number]) : rangeOf(values, 20);
+  const share = shareFound(responseNotes(found));
   return {
     lines,
     x,
     y,
+    ...(share ? { note: `only ${share} found, the models fitted to them` } : {}),
     summary: `${exact ? "exact response and " : ""}${Object.keys(models ?? {}).length} models from 0.1 to 200 rad/s`,
   };
 }
@@ -175,11 +178,12 @@ export function drawDistortion(found: Found): Drawing | undefined {
 }
 
 export function drawRoots(found: Found): Drawing | undefined {
-  const roots = whole(found.roots);
-  if (!roots) return undefined;
+  const models = whole(found.roots)?.models ?? {};
+  const plant = whole(found.roots)?.plant ?? whole(found.point)?.rightmost_roots_rad_s;
+  if (!plant) return undefined;
   const split = (pairs: readonly Pair[]) => ({ x: pairs.map((p) => p[0]), y: pairs.map((p) => p[1]) });
   const lines: Line[] = [];
-  const slow = roots.plant.slice(0, 2).filter((root, k) => k === 0 || Math.hypot(...root) < 200);
+  const slow = plant.slice(0, 2).filter((root, k) => k === 0 || Math.hypot(...root) < 200);
   const reach = REACH * Math.max(20, ...slow.map((root) => Math.hypot(...root)));
   const seen: Pair[] = [...slow];
   const add = (name: string, color: string, alone: readonly Pair[], closed: readonly Pair[] | undefined) => {
@@ -196,13 +200,13 @@ export function drawRoots(found: Found): Drawing | undefined {
     seen.push(...closed.filter((root, k) => k < 2 || Math.hypot(...root) < reach));
   };
   for (const name of MODELS) {
-    const entry = roots.models[name];
+    const entry = models[name];
     if (!entry) continue;
     seen.push(...entry.poles);
     add(NAMES[name] ?? name, COLORS[name], entry.poles, entry.closed);
   }
   const loop = whole(found.loop_roots)?.roots_rad_s;
-  add("engine, exact", COLORS.exact, roots.plant, loop);
+  add("engine, exact", COLORS.exact, plant, loop);
   const x = rangeOf([...seen.map((p) => p[0]), 5], 40);
   const high = Math.max(30, ...seen.map((p) => Math.abs(p[1]))) * 1.15;
   const edge = {
@@ -215,10 +219,10 @@ export function drawRoots(found: Found): Drawing | undefined {
   };
   lines.unshift(edge);
   const texts = [
-    `right-most root of the engine ${rootText(roots.plant[0])}`,
+    `right-most root of the engine ${rootText(plant[0])}`,
     ...(loop ? [`of its loop ${rootText(loop[0])}`] : []),
     ...MODELS.flatMap((name) => {
-      const closed = roots.models[name]?.closed;
+      const closed = models[name]?.closed;
       return closed ? [`of the loop with ${NAMES[name]} ${rootText(closed[0])}`] : [];
     }),
   ];
@@ -346,6 +350,7 @@ export function drawTime(found: Found, state: State, which: "speed_rad_s" | "thr
     lines,
     x: [0, state.until_s],
     y,
+    ...(state.step === "load" ? { note: "the fitted models know the throttle, not the load" } : {}),
     summary: loop.summary ?? loop.undecided ?? `starts at ${start.toFixed(1)}`,
   };
 }

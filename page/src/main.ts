@@ -26,6 +26,7 @@ import { drawBode, drawDistortion, drawErrors, drawMap, drawPlane, drawRoots, dr
 import { Jobs } from "./jobs";
 import { ERROR_PLOTS, type Look, Looks, readLook } from "./look";
 import { keyOf, Reads } from "./needs";
+import { responseNotes, shareFound } from "./notes";
 import { Numbers } from "./numbers";
 import { type DragPhase, type Drawing, Plot, save } from "./plot";
 import { DEFAULTS, fromAddress, type State, same, toAddress } from "./state";
@@ -160,7 +161,7 @@ const plots: Shown[] = [
       y: { label: "imaginary", unit: "rad/s" },
     }),
     draw: drawRoots,
-    parts: ["roots"],
+    parts: ["point"],
   },
   {
     plot: new Plot({ id: "speed", title: "Speed", x: seconds, y: { label: "speed", unit: "rad/s" } }),
@@ -219,14 +220,20 @@ function tellProblems(): void {
   const texts = new Map<string, string>();
   const { response } = found;
   const inner = response && !isProblem(response) ? [response.exact, response.harmonic_balance] : [];
+  const swinging = [response, found.models, ...inner]; // what they have no control for is the amplitude's
   for (const one of [...Object.values(found), ...inner]) {
     if (!isProblem(one) || typeof one.problem === "string") continue;
-    const control = one.problem.control ?? "";
+    const control = one.problem.control ?? (swinging.includes(one) ? "amplitude_deg" : "");
     if (!texts.has(control)) texts.set(control, one.problem.detail);
   }
   const remark = found.validity && !isProblem(found.validity) ? found.validity.warnings[0] : undefined;
   const key = store.state.speed_rad_s === undefined ? "throttle_deg" : "speed_rad_s";
-  controls.tell(texts, new Map(remark ? [[key, `${remark}; the linear model holds no further`]] : []));
+  const remarks = new Map(remark ? [[key, `${remark}; the linear model holds no further`]] : []);
+  const share = shareFound(responseNotes(found));
+  if (share) {
+    remarks.set("amplitude_deg", `only ${share} have an answer at this amplitude; why stands below the margins`);
+  }
+  controls.tell(texts, remarks);
 }
 
 /** What the page waits for, for whoever looks at it from outside: tests, and programs that take pictures. */

@@ -1,6 +1,7 @@
 /** Margins and measures in numbers, as a table beside the plots. */
 
 import { type Found, isProblem, type Promise_ } from "./api";
+import { responseNotes } from "./notes";
 
 type Cell = string;
 
@@ -80,7 +81,8 @@ export class Numbers {
       );
     }
     const said = found.words?.lines ?? [];
-    const more = (found.validity && !isProblem(found.validity) ? found.validity.warnings : []).map(sentence);
+    const limits = found.validity && !isProblem(found.validity) ? found.validity.warnings : [];
+    const more = [...limits, ...responseNotes(found)].map(sentence);
     this.lines.replaceChildren(
       ...[...said.slice(0, 1), ...more.filter((text) => !said.includes(text)), ...said.slice(1)].map((text) =>
         Object.assign(document.createElement("li"), { textContent: text }),

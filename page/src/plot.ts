@@ -80,6 +80,7 @@ export class Plot {
     const { figure, frame, readout, summary } = this;
     figure.id = options.id;
     figure.className = "plot";
+    figure.setAttribute("aria-label", options.title);
     const caption = document.createElement("figcaption");
     const title = document.createElement("h2");
     title.textContent = options.title;

@@ -88,6 +88,36 @@ def test_a_model_takes_no_trim_and_no_third_file(revline: Command, g1: Path, c1:
     assert "3 files were given" in revline("margins", g1, g1, c1).err
 
 
+def test_a_controller_that_samples_drops_no_option_and_no_file(revline: Command, g1: Path, tmp_path: Path) -> None:
+    sampled = tmp_path / "sampled.json"
+    sampled.write_text('{"kp": 0.4, "ki": 0.6, "kd": 0, "sampling": {"kind": "fixed-rate", "period_s": 0.01}}')
+    assert "are for a frequency response" in " ".join(revline("margins", sampled, "--throttle", 25, "--delay", 5).err.split())
+    assert "3 files were given" in revline("margins", g1, g1, sampled, "--throttle", 25).err
+
+
+def test_a_model_is_sampled_by_the_crank_at_the_speed_of_its_trim(revline: Command, g1: Path, tmp_path: Path) -> None:
+    """At 25 deg the engine turns with 240.799 rad/s: half a turn takes 13.05 ms."""
+    crank, timer = tmp_path / "crank.json", tmp_path / "timer.json"
+    gains = '{"kp": 0.4, "ki": 0.6, "kd": 0, "sampling": '
+    crank.write_text(gains + '{"kind": "crank-synchronous", "angle_rad": 3.14159265}}')
+    timer.write_text(gains + f'{{"kind": "fixed-rate", "period_s": {math.pi / 240.799014}}}}}')
+    alone = revline("margins", g1, crank)
+    assert (alone.status, alone.out) == (2, "")
+    assert "needs the speed: give --throttle" in " ".join(alone.err.split())
+    by_crank = json.loads(revline("margins", g1, crank, "--throttle", 25, "--json").out)
+    by_timer = json.loads(revline("margins", g1, timer, "--json").out)
+    assert by_crank["gain_margin"] == pytest.approx(by_timer["gain_margin"], rel=1e-6)
+
+
+def test_a_controller_without_gains_has_no_margins(revline: Command, g1: Path, tmp_path: Path) -> None:
+    nothing = tmp_path / "zero.json"
+    nothing.write_text('{"kp": 0, "ki": 0, "kd": 0}')
+    for plant in ((g1, nothing), (nothing, "--throttle", 25)):
+        done = revline("margins", *plant)
+        assert (done.status, done.out) == (2, "")
+        assert "is 0 at every frequency, so that there are no margins; give the controller a gain" in " ".join(done.err.split())
+
+
 @pytest.fixture
 def proportional(tmp_path: Path) -> Path:
     path = tmp_path / "p.json"

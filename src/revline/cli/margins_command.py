@@ -31,6 +31,8 @@ AmplitudeOption = Annotated[
 
 WANTING = "a loop around an engine needs --throttle, the angle [deg] of the trim that it is linearised at"
 
+OF_CRANK = "sampling by the crank's angle needs the speed: give --throttle, the angle [deg] of the trim that the model belongs to"
+
 
 def margins(
     *,
@@ -42,7 +44,12 @@ def margins(
         ),
     ],
     throttle: Annotated[
-        float | None, typer.Option("--throttle", metavar="DEG", help="Throttle angle of the engine's trim [deg]; a model needs none.")
+        float | None,
+        typer.Option(
+            "--throttle",
+            metavar="DEG",
+            help="Throttle angle of the engine's trim [deg]; a model needs none but for the speed of crank-synchronous sampling.",
+        ),
     ] = None,
     load: LoadOption = 0.0,
     engine: EngineOption = DEFAULT_ENGINE,
@@ -61,27 +68,30 @@ def margins(
     Of a controller that samples they are those that its samples see, sampling and hold exact; of one with a filter its filter is in
     the loop. Set-point weights, limits, anti-windup, dead zone and resolution have no part in small signals.
     """
-    from revline.design.stability.margins import find_margins
     from revline.io.controller_files import read_controller
-    from revline.io.json_files import format_json
-    from revline.io.margin_records import describe_margins, margin_record
 
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "margins")
+    options, choice = (unstable_poles, delay, columns, amplitude), EngineChoice(engine, throttle, load)
+    of_response = _is_of_response(files, options)
     file = read_controller(files[-1])
     if hasattr(file.controller.sampling, "computation_delay"):
-        _show_discrete(shell, files, file.controller, EngineChoice(engine, throttle, load), out)
-        return
-    options = (unstable_poles, delay, columns, amplitude)
-    if len(files) == 2 and files[0].suffix.lower() == ".csv":
-        refuse_engine(EngineChoice(engine, throttle, load))
+        _show_discrete(shell, files, file.controller, choice, out)
+    elif of_response:
+        refuse_engine(choice)
         _show_sampled(shell, files[0], file.feedback_gains, options, out)
-        return
-    if any(option is not None for option in options):
-        message = "--unstable-poles, --delay, --columns and --amplitude are for a frequency response; give RESPONSE.csv, or leave them out"
-        raise InvalidInputError(message)
-    found = find_margins(_open_loop(files, file.controller, EngineChoice(engine, throttle, load)))
-    record = margin_record(found, file.controller)
+    else:
+        _show_continuous(shell, files, file.controller, choice, out)
+
+
+def _show_continuous(shell: Shell, files: list[Path], controller: "PidController", choice: EngineChoice, out: Path | None) -> None:
+    """Margins under a continuous controller."""
+    from revline.design.stability.margins import find_margins
+    from revline.io.json_files import format_json
+    from revline.io.margin_records import describe_margins, margin_record
+
+    found = find_margins(_open_loop(files, controller, choice))
+    record = margin_record(found, controller)
     shell.write(out, format_json(record), "margins")
     shell.show(
         record,
@@ -89,6 +99,18 @@ def margins(
         Grid("Crossovers", ("frequency [rad/s]", "what", "margin"), _crossovers(record)),
         text_on=out,
     )
+
+
+def _is_of_response(files: list[Path], options: tuple[object, ...]) -> bool:
+    """Whether the plant is a frequency response; options that only that takes are refused without it, and more than two files."""
+    if len(files) > 2:
+        message = f"{len(files)} files were given; give a controller file, or a model file and a controller file"
+        raise InvalidInputError(message)
+    found = len(files) == 2 and files[0].suffix.lower() == ".csv"
+    if not found and any(option is not None for option in options):
+        message = "--unstable-poles, --delay, --columns and --amplitude are for a frequency response; give RESPONSE.csv, or leave them out"
+        raise InvalidInputError(message)
+    return found
 
 
 def _show_discrete(shell: Shell, files: list[Path], controller: "PidController", choice: EngineChoice, out: Path | None) -> None:
@@ -100,12 +122,12 @@ def _show_discrete(shell: Shell, files: list[Path], controller: "PidController",
     from revline.io.model_files import read_model
 
     if len(files) == 2:
-        refuse_engine(choice)
         if files[0].suffix.lower() == ".csv":
             message = "a controller that samples needs its plant above half its sampling frequency, which no response shows; give a model"
             raise InvalidInputError(message)
+        speed = _speed_of_samples(controller, choice)
         model = read_model(files[0])
-        plant, speed = sampled_plant_of_model(model.model, name=model.name), None
+        plant = sampled_plant_of_model(model.model, name=model.name)
     else:
         system, trim = find_engine_trim(choice, WANTING)
         plant = sampled_plant_of_system(linearize(system, trim).model, name=f"{system.name} at {choice.place}")
@@ -125,6 +147,15 @@ def _show_discrete(shell: Shell, files: list[Path], controller: "PidController",
         Grid("Crossovers up to half the sampling frequency", ("frequency [rad/s]", "what", "margin"), _crossovers(record)),
         text_on=out,
     )
+
+
+def _speed_of_samples(controller: "PidController", choice: EngineChoice) -> float | None:
+    """Speed that a model's samples are taken at, where that is what they need: that of the engine's trim which the model belongs to."""
+    if not hasattr(controller.sampling, "angle"):
+        refuse_engine(choice)
+        return None
+    _, trim = find_engine_trim(choice, OF_CRANK)
+    return trim.output("engine_speed")
 
 
 def _show_sampled(
@@ -155,9 +186,6 @@ def _open_loop(files: list[Path], controller: "PidController", choice: EngineCho
     from revline.design.stability.open_loop import open_loop_of_model, open_loop_of_system
     from revline.io.model_files import read_model
 
-    if len(files) > 2:
-        message = f"{len(files)} files were given; give a controller file, or a model file and a controller file"
-        raise InvalidInputError(message)
     if len(files) == 2:
         refuse_engine(choice)
         file = read_model(files[0])

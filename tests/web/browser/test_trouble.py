@@ -111,7 +111,7 @@ def test_what_is_left_for_later_is_greyed_and_follows(open_page: Open) -> None:
     seen: list[tuple[str, str, bool]] = []
 
     def pieces(route: Route) -> None:
-        body = route.request.post_data_json
+        body: Any = route.request.post_data_json
         if body is None or "margins" not in body["parts"]:
             if "words" in (body or {}).get("parts", ()):
                 asked.append(body["parts"])

@@ -147,7 +147,7 @@ def find_margins(loop: OpenLoop, *, low: float = 1e-3) -> Margins:
         low: lowest frequency looked at, in rad/s; lowered where the loop gain is below 1 there and still rises towards lower ones.
 
     Raises:
-        InvalidInputError: the frequency is not above 0, or the loop is improper: its gain does not fall at high frequency.
+        InvalidInputError: the frequency is not above 0, or the loop is none, or improper: its gain does not fall at high frequency.
         NotConvergedError: the loop turns too fast for the grid, or has a pole on the imaginary axis within it.
     """
     if not (math.isfinite(low) and low > 0.0):
@@ -205,6 +205,9 @@ def _top(loop: OpenLoop, low: float) -> float:
     """A frequency beyond which the loop gain stays below the floor."""
     grid = np.geomspace(low, HIGHEST, 60 * round(math.log10(HIGHEST / low)))
     sizes = np.abs(_values(loop, grid))
+    if not np.any(sizes):
+        message = f"the loop {loop.name} is 0 at every frequency, so that there are no margins; give the controller a gain"
+        raise InvalidInputError(message)
     above = np.flatnonzero(~(sizes < FLOOR))
     if above.size and above[-1] == grid.size - 1:
         message = (

@@ -111,7 +111,7 @@ def open_loop_of_system(plant: DelayStateSpace, law: AnyPid, *, wires: LoopSigna
     return OpenLoop(
         name=f"{name} under {gains.rule}",
         transfer=transfer,
-        delay=_known_delay(plant, transfer),
+        delay=_known_delay(plant, transfer) if any((gains.kp, gains.ki, gains.kd)) else 0.0,
         unstable_poles=float(closed.unstable_count),
         closed_roots=tuple(closed.roots.tolist()),
     )

@@ -34,7 +34,7 @@ SPEEDS: Final = ("engine_speed_rad_s", "speed_rad_s", "engine_speed_rpm", "speed
 """Names that the column of the speed may have."""
 
 BETWEEN: Final = "between_samples"
-"""Key of the comment line `# between_samples: held` that says what the throttle does between samples."""
+"""Key of the comment line that says what the throttle does between samples: held, straight or smooth."""
 
 UNKNOWN: Final = (
     "the throttle is taken to go straight from sample to sample; where it was held, its delay is half a sample shorter: write "

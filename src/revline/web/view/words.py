@@ -99,7 +99,7 @@ def _unfinished(loop: Record) -> str:
         return f"on the engine: {loop['ended']}"
     if "still_moving" in loop:
         return "after the load's step the engine still moves away at the end of the time shown"
-    return "on the engine the time run does not tell how it ends" if "undecided" in loop else ""
+    return "on the engine the time shown does not tell yet how it ends: show more" if "undecided" in loop else ""
 
 
 def _rest(engine: Record, *, stable: bool) -> str:
