@@ -23,19 +23,24 @@ BUDGETS = {"median": 50.0, "p95": 100.0, "first view": 1500.0, "kB": 400.0}
 MOVES = """async ([name, moves]) => {
   const slider = document.getElementById(name + "-slider");
   const html = document.documentElement;
-  const start = slider.valueAsNumber;
+  const seen = (window.seen ??= new Set());
+  const start = (slider.start ??= slider.valueAsNumber);
   const taken = [];
-  for (let k = 0; k < moves; k++) {
-    slider.value = String(start + 3 * ((k % 40) - 20) + (k % 7));
+  for (let k = 0; taken.length < moves && k < 10 * moves; k++) {
+    slider.tries = (slider.tries ?? 0) + 1;
+    slider.value = String(Math.round(start + 240 * ((0.618034 * slider.tries) % 1 - 0.5)));
     const began = performance.now();
     slider.dispatchEvent(new Event("input", { bubbles: true }));
+    const state = JSON.stringify(window.workbench.state());
     while (html.dataset.view === "busy") await new Promise((done) => setTimeout(done, 0));
     await new Promise((done) => requestAnimationFrame(() => setTimeout(done, 0)));
-    taken.push(performance.now() - began);
+    if (!seen.has(state)) taken.push(performance.now() - began);
+    seen.add(state);
   }
   slider.dispatchEvent(new Event("change", { bubbles: true }));
   return taken;
 }"""
+"""Moves about where the slider stands; those to a state seen before, of which the server keeps the answer, do not count."""
 
 
 @contextlib.contextmanager
@@ -58,7 +63,8 @@ def measure(page: Page, name: str, moves: int) -> None:
     taken = page.evaluate(MOVES, [name, moves])
     page.wait_for_selector("html[data-view=settled]")
     median, p95 = statistics.median(taken), statistics.quantiles(taken, n=20)[-1]
-    print(f"{name:>14}: median {median:5.1f} ms (budget {BUDGETS['median']:g}), p95 {p95:5.1f} ms (budget {BUDGETS['p95']:g})")
+    shown = f"median {median:5.1f} ms (budget {BUDGETS['median']:g}), p95 {p95:5.1f} ms (budget {BUDGETS['p95']:g})"
+    print(f"{name:>14}: {shown}, {len(taken)} moves")
 
 
 def main() -> None:
