@@ -112,7 +112,7 @@ def test_what_is_left_for_later_is_greyed_and_follows(open_page: Open) -> None:
 
     def pieces(route: Route) -> None:
         body: Any = route.request.post_data_json
-        if body is None or "point" not in body["parts"]:
+        if body is None or "margins" not in body["parts"]:
             if "words" in (body or {}).get("parts", ()):
                 asked.append(body["parts"])
                 seen.append(
@@ -131,7 +131,7 @@ def test_what_is_left_for_later_is_greyed_and_follows(open_page: Open) -> None:
 
     window.page.route("**/api/v1/view", pieces)
     window.set("kp", 0.7)
-    assert asked[1] == ["loop", "words", "answers"]
+    assert asked[1] == ["loop", "answers", "words"]
     ((verdict, plane, stale),) = seen
     assert verdict == "many ask at once: the rest follows"
     assert plane != before["plane"]
