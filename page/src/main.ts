@@ -389,10 +389,18 @@ function start(): void {
   );
 }
 
-function showAddress(): void {
+function writeAddress(): void {
+  clearTimeout(writing);
   history.replaceState(null, "", toAddress(store.state, looks.now) || location.pathname);
 }
-looks.subscribe(showAddress);
+let writing: ReturnType<typeof setTimeout> | undefined;
+/** The address follows when nothing has moved for a moment: it is slow to change, and browsers allow few changes a second. */
+function showAddress(): void {
+  clearTimeout(writing);
+  writing = setTimeout(writeAddress, 100);
+}
+window.addEventListener("pagehide", writeAddress);
+looks.subscribe(writeAddress);
 
 const undo = need<HTMLButtonElement>("undo");
 const redo = need<HTMLButtonElement>("redo");

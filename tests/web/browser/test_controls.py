@@ -30,7 +30,8 @@ def test_limits_and_engines_are_chosen_and_taken_back(open_page: Open) -> None:
 
 
 def test_a_link_shows_what_is_open_too(open_page: Open) -> None:
-    here = open_page().page
+    window = open_page()
+    here = window.page
     here.select_option("#phase-error select", "distortion")
     here.click("summary:has-text('Engine')")
     here.click("#data-open")
@@ -38,6 +39,7 @@ def test_a_link_shows_what_is_open_too(open_page: Open) -> None:
     for _ in range(2):
         here.keyboard.press("ArrowRight")
     here.wait_for_selector("#guide h2:has-text('3 of 8')")
+    window.settle()
     there = open_page("#" + here.url.partition("#")[2])
     for shown in ("#distortion", "#data[open]", "details[open]", "#guide h2:has-text('3 of 8')"):
         expect(there.page.locator(shown)).to_be_visible()
