@@ -1,5 +1,6 @@
 """Cycles that cross limits: against exact piecewise solutions, with and without elements that meet the kinks."""
 
+import tracemalloc
 from typing import NamedTuple
 
 import numpy as np
@@ -10,6 +11,8 @@ from scipy.optimize import fsolve
 from revline.analysis import kinked_cycles
 from revline.analysis.kinked_cycles import KinkedCycle, find_kinked_cycle, solve_on_elements
 from revline.analysis.limit_cycles import CycleGuess
+from revline.analysis.monodromy import Blocks, Monodromy
+from revline.analysis.pieces import Pieces
 from revline.dde.simulate import Start, simulate
 from revline.equations import equation
 from revline.errors import InvalidInputError, NotConvergedError
@@ -67,6 +70,29 @@ def build(rate: object, parameters: Limited, states: int) -> DelaySystem:
 def guess(period: float, radius: float, states: int = 1) -> CycleGuess:
     phases = 2.0 * np.pi * np.arange(64) / 64
     return CycleGuess(period=period, states=radius * np.stack((np.cos(phases), -np.sin(phases))[:states], axis=1))
+
+
+def test_more_kinks_than_memory_holds_are_refused_before_anything_is_built(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With 400 kinks in a period the equations alone would take a gigabyte; 4 are met all the same."""
+    monkeypatch.setattr(kinked_cycles, "find_kinks", lambda *_: (np.empty(0), (np.arange(400) + 0.5) / 400.0))
+    tracemalloc.start()
+    words = r"the cycle of limited near 1 rad/s has 400 kinks in a period, and elements that meet them have 6015 unknowns \(limit 5000\)"
+    with pytest.raises(NotConvergedError, match=words) as caught:
+        find_kinked_cycle(build(lienard_rate, Limited(1.0), 2), np.zeros(1), guess(2.0 * np.pi, 1.5, 2))
+    assert tracemalloc.get_traced_memory()[1] < 50e6
+    tracemalloc.stop()
+    assert caught.value.details["kinks"] == 400
+
+
+def test_a_past_of_too_many_periods_is_refused_before_anything_is_built() -> None:
+    """A channel of 100 periods on 12 elements holds 6,001 values."""
+    pieces, blank = Pieces.lay(12, np.empty(0)), np.zeros((60, 1, 1))
+    held = Blocks(lags=np.full((60, 1), 200.0), rate_x=blank - 1.0, rate_s=blank, emit_x=blank + 1.0, emit_s=blank)
+    words = r"an orbit of 2 s is not found: its channels hold 200 s, which takes \d+ values on its elements \(limit 5000\); simulate it"
+    with pytest.raises(NotConvergedError, match=words):
+        Monodromy(pieces, 2.0, held).multipliers()
+    short = Blocks(lags=np.full((60, 1), 1.0), rate_x=blank - 1.0, rate_s=blank, emit_x=blank + 1.0, emit_s=blank)
+    assert np.abs(Monodromy(pieces, 2.0, short).multipliers()[0]) == pytest.approx(np.exp(-2.0), rel=1e-9)
 
 
 def on(system: DelaySystem, start: CycleGuess, elements: int, meet: int) -> KinkedCycle:

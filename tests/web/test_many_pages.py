@@ -3,7 +3,9 @@
 import asyncio
 import json
 import math
+import re
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -49,10 +51,24 @@ def test_what_a_part_is_kept_by_is_what_it_depends_on() -> None:
 
 
 def test_the_steady_map_and_slow_parts_are_kept_by_what_they_read() -> None:
-    read = {"map": ("kp", "amplitude_deg"), "contours": ("kp", "amplitude_deg"), "peaks": ("kp", "kd")}
+    read = {"map": ("kp", "amplitude_deg"), "validity": ("kp", "amplitude_deg"), "contours": ("kp", "amplitude_deg"), "peaks": ("kp", "kd")}
     for name, keys in read.items():
         assert not set(keys) & set(OF_PART[name])
     assert "cycle" not in OF_PART
+
+
+def test_the_page_asks_by_what_the_server_keeps_by() -> None:
+    """The page's table of what parts depend on is the server's, which is held against the parts themselves above."""
+    source = (Path(__file__).parents[2] / "page" / "src" / "needs.ts").read_text(encoding="utf-8")
+    lists = {
+        name: re.findall(r'"(\w+)"', body) for name, body in re.findall(r"const (\w+): readonly Key\[\] = \[(.*?)\];", source, re.DOTALL)
+    }
+    table = source[source.index("const OF_PART") : source.index("const ALL")]
+    found = {}
+    for part, one, many in re.findall(r"^  (\w+): (?:(\w+)|\[(.*?)\]),$", table, re.MULTILINE | re.DOTALL):
+        spread = re.sub(r"\.\.\.(\w+)", lambda name: ",".join(f'"{key}"' for key in lists[name[1]]), many)
+        found[part] = set(lists[one] if one else re.findall(r'"(\w+)"', spread))
+    assert found == {part: set(keys) for part, keys in OF_PART.items()}
 
 
 def test_kept_answers_are_bounded_and_the_oldest_are_forgotten() -> None:

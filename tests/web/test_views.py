@@ -298,10 +298,10 @@ def test_where_the_throttle_moves_nothing_its_control_is_named() -> None:
 
 
 def test_a_limit_near_by_and_a_kink_are_told() -> None:
-    near = view({"throttle_deg": 79.46}, "validity", "words")
+    near = view({"throttle_deg": 79.46, "amplitude_deg": 20.0}, "validity", "words")
     assert near["validity"]["warnings"][0].startswith("a limit of rate of manifold_pressure begins near by, at throttle = 79.5569 deg")
     assert "kink" not in near["words"]["verdict"]
-    at = view({"throttle_deg": 79.556871893}, "words")["words"]
+    at = view({"throttle_deg": 79.556871893, "amplitude_deg": 20.0}, "words")["words"]
     assert at["verdict"].endswith("the engine has a kink here, and a linear model holds on one side of it alone")
     assert any("has a kink in throttle here" in line for line in at["lines"])
     assert view({}, "validity")["validity"] == {"warnings": []}

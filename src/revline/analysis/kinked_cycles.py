@@ -33,6 +33,9 @@ FIRST_ELEMENTS = 12
 MOST_UNKNOWNS = 2500
 """Size of the largest linear system that is solved."""
 
+SPARE = 2.0
+"""A linear system may be so many times as large where kinks add elements that were not foreseen, 200 MB; more is never built."""
+
 ROUGH = 1e-3
 """Where the tolerance is not met with that, a cycle known to this is given all the same, its error stated, if its stability is certain."""
 
@@ -169,11 +172,11 @@ def find_kinked_cycle(
     while (elements + extra) * DEGREE * width <= most_unknowns:
         try:
             found = _lay_until_still(system, inputs, solved, elements, meet_kinks)
+            best = found.judged(best)
         except NotConvergedError:
             if best is None or best.error > ROUGH or not best.certain:
                 raise
             return best
-        best = found.judged(best)
         if max(best.error, best.multiplier_error) <= tolerance:
             return best
         solved, extra = found.solved, found.pieces.lengths.size - elements
@@ -261,7 +264,9 @@ def _lay_until_still(system: DelaySystem, inputs: Floats, start: PiecewiseCycle,
     switches, kinks = find_kinks(system, inputs, start, generations)
     switches_before = switches
     for layout in range(MOST_LAYOUTS):
-        solved = _solve(system, inputs, start.on(Pieces.lay(elements, kinks)))
+        pieces = Pieces.lay(elements, kinks)
+        _check_size(system, pieces, start.period, kinks)
+        solved = _solve(system, inputs, start.on(pieces))
         if generations < 0:
             return _Found(system, inputs, solved, switches, kinks)
         again, later = find_kinks(system, inputs, solved, generations)
@@ -276,6 +281,17 @@ def _lay_until_still(system: DelaySystem, inputs: Floats, start: PiecewiseCycle,
         f"({kinks.size} of them at last), as where an orbit touches a limit without crossing it; change the gains or the command a little"
     )
     raise NotConvergedError(message, kinks=kinks.size)
+
+
+def _check_size(system: DelaySystem, pieces: Pieces, period: float, kinks: Floats) -> None:
+    """Refuse elements whose equations take too much memory: an orbit that crosses limits again and again within a period."""
+    unknowns, most = pieces.count * (len(system.states) + len(system.channels)), SPARE * MOST_UNKNOWNS
+    if unknowns > most:
+        message = (
+            f"the cycle of {system.name} near {2.0 * np.pi / period:g} rad/s has {kinks.size} kinks in a period, and elements that meet "
+            f"them have {unknowns} unknowns (limit {most:g}); simulate it, or change the gains or the command a little"
+        )
+        raise NotConvergedError(message, kinks=kinks.size, unknowns=unknowns)
 
 
 def _still(before: Floats, after: Floats) -> bool:

@@ -12,8 +12,12 @@ import numpy as np
 
 from revline.analysis.jacobians import differentiate, evaluate
 from revline.analysis.pieces import DEGREE, Pieces, basis, late_basis
+from revline.errors import NotConvergedError
 from revline.lti.response import Complexes
 from revline.system import DelaySystem, Floats
+
+MOST_COLUMNS = 5000
+"""Values of the past, at most, in whose place an orbit's channels are held: the operator's matrix then takes 200 MB and minutes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +78,13 @@ class Monodromy:
         count, n_states, n_channels = *self.blocks.rate_x.shape[:2], self.blocks.lags.shape[1]
         ends, past = self._reach()
         old = past * DEGREE + 1
+        if old * n_channels + n_states > MOST_COLUMNS:
+            longest = float(np.max(self.blocks.lags))
+            message = (
+                f"the stability of an orbit of {self.period:.4g} s is not found: its channels hold {longest:.4g} s, which takes "
+                f"{old * n_channels + n_states} values on its elements (limit {MOST_COLUMNS}); simulate it"
+            )
+            raise NotConvergedError(message, lag=longest, period=self.period)
         left, right = self._equations(ends, past)
         answer = np.linalg.solve(left, right)
         whole = np.concatenate((np.eye(right.shape[1])[n_states:], answer[count * n_states :]))  # channels at all nodes

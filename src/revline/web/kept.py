@@ -12,6 +12,9 @@ POINT: Final = ("engine", "parameters", "load_n_m", "throttle_deg", "speed_rad_s
 
 GAINS: Final = ("kp", "ki", "kd")
 
+STEP: Final = ("step", "command_rad_s", "load_step_n_m", "throttle_step_deg", "until_s", "low_deg", "high_deg")
+"""Keys that say what is stepped, how long that is followed, and between which limits."""
+
 OF_PART: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
     {
         "point": POINT,
@@ -26,9 +29,10 @@ OF_PART: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
         "loop_roots": (*POINT, *GAINS),
         "roots": (*POINT, *GAINS, "amplitude_deg"),
         "promises": (*POINT, *GAINS, "amplitude_deg"),
+        "loop": (*POINT, *GAINS, *STEP),
     }
 )
-"""Keys of a state that a part depends on; one that is not listed depends on all."""
+"""Keys of a state that a part depends on; one that is not listed depends on all. The page has the same table, in `page/src/needs.ts`."""
 
 Key = tuple[str, Hashable]
 

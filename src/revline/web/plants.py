@@ -18,6 +18,7 @@ from revline.design.controllers.controller import PidGains
 from revline.design.fitting.fit import add_phase_line
 from revline.design.fitting.model_choice import MODEL_STRUCTURES, ModelStructure, NamedFit, fit_structure
 from revline.design.loops.loop_run import Limits
+from revline.design.stability.open_loop import OpenLoop, open_loop_of_model
 from revline.engine.lee1995 import lee1995_parameters
 from revline.errors import InvalidInputError, RevlineError, out_of_range
 from revline.studies.config import read_table_4_1
@@ -113,9 +114,25 @@ def _structure(name: str) -> ModelStructure:
 
 def gains_of(state: State) -> PidGains:
     """Take the controller out of a state."""
-    return PidGains(
-        kp=state.kp, ki=state.ki, kd=state.kd, input_unit="rad/s", output_unit="deg", rule="by hand", designed_on="the workbench"
-    )
+    return _gains(state.kp, state.ki, state.kd)
+
+
+def _gains(kp: float, ki: float, kd: float) -> PidGains:
+    return PidGains(kp=kp, ki=ki, kd=kd, input_unit="rad/s", output_unit="deg", rule="by hand", designed_on="the workbench")
+
+
+def loop_with_model(state: State, name: str) -> OpenLoop:
+    """Break the loop of a fitted model and a state's controller, and tell whether it is stable when closed.
+
+    Raises:
+        RevlineError: the model cannot be fitted, or its loop not be judged.
+    """
+    return _loop_with_model(place_of(state), state.amplitude_deg, name, (state.kp, state.ki, state.kd))
+
+
+@lru_cache(maxsize=3 * KEPT)
+def _loop_with_model(place: Place, amplitude: float, name: str, gains: tuple[float, float, float]) -> OpenLoop:
+    return open_loop_of_model(fit_model(place, amplitude, name).fit.model, _gains(*gains))
 
 
 def limits_of(state: State, point: Point) -> Limits:

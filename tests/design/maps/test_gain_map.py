@@ -6,7 +6,7 @@ import pytest
 from revline.design.maps.best_gains import best_gains
 from revline.design.maps.gain_columns import GainColumns, find_ellipses, intersect_columns, peak_columns, stable_columns
 from revline.design.maps.gain_map import Design, GainGrid, GainMap, GainPoint, LostPoint, find_gain_map, solve_point
-from revline.design.regions.gain_region import find_gain_region
+from revline.design.regions.gain_region import Window, find_gain_region
 from revline.design.regions.loop_family import family_of_model
 from revline.design.regions.sensitivity_contour import find_peaks
 from revline.engine.lee1995 import lee1995
@@ -159,6 +159,17 @@ def test_a_large_peak_is_kept_as_well(engine_map: GainMap, peak: float) -> None:
     assert best.peak == pytest.approx(peak, rel=3e-4)
     with pytest.raises(InvalidInputError, match="peak of the sensitivity = 21 is outside values above 1, up to 20"):
         peak_columns(region, kp, 21.0)
+
+
+def test_best_gains_at_the_edge_of_a_window_are_found() -> None:
+    """The largest ki of this plant with Ms = 2 has kp = 0.49: in a window that ends at 0.2 it is at its edge."""
+    plant = TransferFunction(numerator=(12.0,), denominator=(1.0, 0.6), delay=0.05, input_unit="deg", output_unit="rad/s")
+    window = Window(kp_low=0.0, kp_high=0.2, ki_high=20.0)
+    region = find_gain_region(family_of_model(plant), window)
+    kp, ellipses = np.linspace(0.0, 0.2, 41), find_ellipses(region, 2.0)
+    best = best_gains(region, ellipses, peak_columns(region, kp, 2.0, ellipses), 2.0)
+    assert best.kp == pytest.approx(0.2)
+    assert best.peak == pytest.approx(2.0, rel=1e-3)
 
 
 def test_an_interruption_keeps_what_is_finished() -> None:

@@ -54,6 +54,17 @@ def test_an_integrator_with_delay_has_its_closed_form() -> None:
     assert np.all(found.omega[found.rim] <= math.pi / 0.8 * (1.0 + 1e-12))
 
 
+def test_the_window_chosen_holds_all_gains_of_a_slow_plant() -> None:
+    """K exp(-s L)/s: kp ends at pi/(2 K L), ki at x^2 cos x/(K L^2) where x tan x = 2: far beyond a loop gain of a hundred at 1 rad/s."""
+    gain, delay = 12.0, 0.01
+    plant = TransferFunction(numerator=(gain,), denominator=(0.0, 1.0), delay=delay, input_unit="deg", output_unit="rad/s")
+    region = find_gain_region(family_of_model(plant, kd=0.0, name="integrator"))
+    x = float(brentq(lambda v: v * math.tan(v) - 2.0, 0.5, 1.5))
+    assert region.bounded
+    assert region.kp_ends()[-1][1] == pytest.approx(math.pi / (2.0 * gain * delay), rel=1e-9)
+    assert np.max(region.ki[region.rim]) == pytest.approx(x * x * math.cos(x) / (gain * delay**2), rel=1e-3)
+
+
 def test_two_lags_have_rouths_line() -> None:
     """a2 s^3 + a1 s^2 + (1 + K kp) s + K ki is stable below ki = a1 (1 + K kp)/(a2 K)."""
     found = find_gain_region(family_of_model(G2), Window(kp_low=-0.5, kp_high=20.0, ki_high=1000.0))

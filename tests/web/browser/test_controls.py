@@ -23,11 +23,10 @@ def test_limits_and_engines_are_chosen_and_taken_back(open_page: Open) -> None:
     page.get_by_role("button", name="Reset the limits").click()
     window.settle()
     assert "upper limit,0,79.46" in window.curves("throttle")
-    page.route("**/api/v1/view", lambda route: route.abort())  # another engine's kernels would have to be built
+    page.route("**/api/v1/view", lambda route: route.fulfill(json={"parts": {}}))  # another engine's kernels would have to be built
     page.select_option("#engine-choice", "lee1995-generic")
     expect(page.locator('[id="parameters.efficiency.line_slope-number"]')).to_be_visible()
     assert "engine=lee1995-generic" in page.url
-    window.complaints = [text for text in window.complaints if "ERR_FAILED" not in text]  # the browser's own word for what was aborted
 
 
 def test_a_link_shows_what_is_open_too(open_page: Open) -> None:

@@ -38,7 +38,8 @@ def best_gains(region: GainRegion, ellipses: Ellipses, allowed: GainColumns, pea
     width = float(allowed.kp[1] - allowed.kp[0])
     kp, ki = allowed.highest
     for _ in range(ZOOMS):
-        found = peak_columns(region, np.linspace(kp - width, kp + width, ZOOM_COLUMNS), peak, ellipses)
+        low, high = max(kp - width, -region.reach[0]), min(kp + width, region.reach[0])
+        found = peak_columns(region, np.linspace(low, high, ZOOM_COLUMNS), peak, ellipses)
         kp, ki = max((kp, ki), found.highest, key=lambda gains: gains[1])
         width *= 2.0 / (ZOOM_COLUMNS - 1)
     return BestGains(kp=kp, ki=ki, peak=float(find_peaks(region, kp, ki)))

@@ -31,7 +31,7 @@ Floats = NDArray[np.float64]
 SHAPES = (0.5, 1.0, 0.0)
 """How a part is drawn in to a box that is to be ruled out: in both axes alike, or in one."""
 
-DRAWN_IN, DRAWN_IN_PER_EXCESS, HALVINGS = 0.02, 0.2, 4
+DRAWN_IN, DRAWN_IN_PER_EXCESS, HALVINGS = 0.02, 0.4, 4
 """By which part of its area a part is drawn in at least, or by less where the limit is to come near, and how often the part left is halved:
 small boxes rule out most."""
 

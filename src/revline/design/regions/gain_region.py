@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from revline.design.regions.gain_curve import GainCurve, LoopFamily, refine_curve, trace_curve
-from revline.errors import out_of_range
+from revline.errors import NotConvergedError, out_of_range
 from revline.values import make_read_only
 
 Floats = NDArray[np.float64]
@@ -23,6 +23,9 @@ Counts = NDArray[np.int64]
 
 LOW = 1e-3
 """Lowest frequency of a curve, in rad/s, where none is given."""
+
+WIDER = (10.0, 100.0)
+"""Where the gains sought go on beyond a loop gain of about a hundred, an end of them is looked for up to so many times that."""
 
 COLUMNS = 2049
 """Values of kp at which the height of a region is taken for its area."""
@@ -138,8 +141,8 @@ def find_gain_region(family: LoopFamily, window: Window | None = None, *, low: f
 
     Args:
         family: plant, kd and contour.
-        window: gains that are looked at; where none is given, one that holds all of them, or where they have no end those up to a loop
-            gain of about a hundred.
+        window: gains that are looked at; where none is given, one that holds all of them, or those up to a loop gain of about a hundred
+            where they do not end within a hundred times that.
         low: lowest frequency of the curve, in rad/s; below it the curve is taken to run straight to (-q(0), 0).
 
     Raises:
@@ -161,11 +164,23 @@ def find_window(family: LoopFamily) -> Window:
 def _in_chosen_window(family: LoopFamily, low: float) -> GainRegion:
     sizes = np.abs([family.at_rest, *family.inverse(np.array([1j]))])
     reach = 100.0 * max(float(sizes[0]), 0.1 * float(sizes[1]))
+    found = first = _in_widest_window(family, reach, low)
+    for wider in WIDER:  # a slow plant's gains end far beyond those of its rest
+        if found.bounded:
+            break
+        try:
+            found = _in_widest_window(family, wider * reach, low)
+        except NotConvergedError:
+            break
+    found = found if found.bounded else first
+    return _in_window(family, _narrowed(found, found.reach[0]), found.curve, found.reach)
+
+
+def _in_widest_window(family: LoopFamily, reach: float, low: float) -> GainRegion:
     widest = Window(kp_low=-0.5 * reach, kp_high=reach, ki_high=100.0 * reach)
     curve = trace_curve(family, kp_reach=reach, ki_reach=widest.ki_high, low=low)
     rim = _rim(family, curve, widest)
-    found = GainRegion(family=family, window=widest, omega=curve.omega, kp=curve.kp, ki=curve.ki, rim=rim, reach=(reach, widest.ki_high))
-    return _in_window(family, _narrowed(found, reach), curve, found.reach)
+    return GainRegion(family=family, window=widest, omega=curve.omega, kp=curve.kp, ki=curve.ki, rim=rim, reach=(reach, widest.ki_high))
 
 
 def _narrowed(found: GainRegion, reach: float) -> Window:

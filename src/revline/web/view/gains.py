@@ -16,7 +16,7 @@ from revline.design.regions.loop_family import family_of_system
 from revline.design.regions.sensitivity_contour import find_sensitivity_contour
 from revline.design.stability.linear_loop import closed_loop_transfer
 from revline.design.stability.margins import Margins, find_margins
-from revline.design.stability.open_loop import OpenLoop, open_loop_of_model, open_loop_of_system
+from revline.design.stability.open_loop import OpenLoop, open_loop_of_system
 from revline.errors import RevlineError
 from revline.io.margin_records import margin_record
 from revline.lti.interconnection import feed_back, to_state_space
@@ -32,6 +32,7 @@ from revline.web.plants import (
     fit_model,
     gains_of,
     has_control,
+    loop_with_model,
     place_of,
 )
 from revline.web.state import State
@@ -131,13 +132,11 @@ def view_loop_roots(state: State) -> Mapping[str, Any]:
 
 def view_promises(state: State) -> Mapping[str, Any]:
     """Give the margins that each fitted model promises; none without any gain."""
-    place, gains = place_of(state), gains_of(state)
-    check_amplitude(state, find_point(place))
+    check_amplitude(state, find_point(place_of(state)))
     models: dict[str, Any] = {}
     for name in MODELS if has_control(state) else ():
         try:
-            loop = open_loop_of_model(fit_model(place, state.amplitude_deg, name).fit.model, gains)
-            models[name] = _promise(find_margins(replace(loop, name=f"of {name} under these gains")))
+            models[name] = _promise(find_margins(replace(loop_with_model(state, name), name=f"of {name} under these gains")))
         except RevlineError as error:
             models[name] = {"problem": str(error)}
     return models

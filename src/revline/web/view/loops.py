@@ -18,12 +18,11 @@ from revline.design.loops.loop_simulation import LoopRecord, LoopTrace
 from revline.design.loops.outcome import LimitCycle
 from revline.design.loops.step_measures import measure_overshoot
 from revline.design.plants.loop_signals import operating_point
-from revline.design.stability.loop_stability import StableLoop, judge_loop_stability
 from revline.errors import InvalidInputError, NotSettledError, RevlineError, SimulationError
 from revline.io.cycle_records import orbit_record, run_record, unrefined_record
 from revline.io.loop_records import loop_record
 from revline.studies.steps import LAG_SHARE, in_short_steps, throttle_run
-from revline.web.plants import MODELS, Place, Point, check_amplitude, find_point, fit_model, gains_of, limits_of, place_of
+from revline.web.plants import MODELS, Place, Point, check_amplitude, find_point, fit_model, gains_of, limits_of, loop_with_model, place_of
 from revline.web.state import State
 from revline.web.view.drawing import drawn, thin
 
@@ -138,7 +137,7 @@ def _model_answer(state: State, name: str) -> Mapping[str, Any]:
     far = np.flatnonzero(np.abs(trace.output) > BEYOND * abs(state.command_rad_s))
     if far.size:
         trace = trace.first(max(int(far[0]), 2))
-    stable = isinstance(judge_loop_stability(model, gains), StableLoop)
+    stable = loop_with_model(state, name).stable
     record: dict[str, Any] = {"stable": stable}
     command = state.command_rad_s
     if stable and int(np.argmax(trace.output * np.sign(command))) < trace.output.size - 1:  # else it may go on rising
