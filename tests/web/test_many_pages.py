@@ -17,7 +17,6 @@ from revline.web.state import State, parse_state
 from revline.web.turns import Turns
 from revline.web.view.build import PARTS
 from revline.web.views import FEW, ORDER, Views
-from tests.benchmarks.loading import load_script
 
 CHANGES: dict[str, Any] = {
     "parameters": {"rotation.inertia": 0.2},
@@ -145,16 +144,3 @@ def test_pages_that_show_the_same_are_answered_once() -> None:
             await made.find("page", State(), ["nix"], newest=True, whole=True)
 
     asyncio.run(run())
-
-
-def test_eight_pages_move_sliders_and_each_gets_all_of_its_last_state() -> None:
-    """A short run of `benchmarks/workbench_load.py`; what it takes is measured there, what must always hold is tried here."""
-    load = load_script("workbench_load")
-    found = load.measure(8, 3.0, load.MIXES["mixed"])
-    assert (found.failed, found.lost) == ([], [])
-    assert all(client.answered == len(client.moved) > 3 for client in found.clients)
-    assert len(found.waits) == sum(len(client.moved) for client in found.clients)
-    assert max(found.memory) < found.memory[0] + 150.0
-    shown = found.clients[3]
-    assert shown.parts["point"]["throttle_deg"] == pytest.approx(shown.state["throttle_deg"], rel=1e-9)
-    assert json.loads(answer_parts(shown.state, ["margins"])["margins"]) == shown.parts["margins"]

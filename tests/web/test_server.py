@@ -1,6 +1,7 @@
 """The server as a process: it starts, answers, says what is wrong, gives up what takes too long, and ends without leaving a child."""
 
 import asyncio
+import json
 import os
 import signal
 import socket
@@ -12,9 +13,11 @@ from typing import Any
 import httpx
 import pytest
 
+from revline.web.answers import answer_parts
 from revline.web.app import page_folder
 from revline.web.views import find_share
 from revline.web.workers import GIBIBYTE, WorkerError, Workers
+from tests.benchmarks.loading import load_script
 from tests.web.serving import PROGRAM, Server, end, start
 
 
@@ -156,6 +159,19 @@ def test_the_newest_of_a_client_s_requests_is_answered(server: Server) -> None:
     assert answers[-1].json()["parts"]["point"]["throttle_deg"] == 31.0
     overtaken = next(answer for answer in answers if answer.status_code == 409)
     assert overtaken.json()["type"] == "/problems/superseded"
+
+
+def test_eight_pages_move_sliders_and_each_gets_all_of_its_last_state(server: Server) -> None:
+    """A short run of `benchmarks/workbench_load.py`; what it takes is measured there, what must always hold is tried here."""
+    load = load_script("workbench_load")
+    found = asyncio.run(load.run(server.port, server.process.pid, 8, 3.0, load.MIXES["mixed"], whole=False))
+    assert (found.failed, found.lost) == ([], [])
+    assert all(client.answered == len(client.moved) > 3 for client in found.clients)
+    assert len(found.waits) == sum(len(client.moved) for client in found.clients)
+    assert max(found.memory) < found.memory[0] + 150.0
+    shown = found.clients[3]
+    assert shown.parts["point"]["throttle_deg"] == pytest.approx(shown.state["throttle_deg"], rel=1e-9)
+    assert json.loads(answer_parts(shown.state, ["margins"])["margins"]) == shown.parts["margins"]
 
 
 def test_a_port_that_is_taken_is_said_with_the_remedy(server: Server) -> None:

@@ -1,8 +1,16 @@
 """A user's own files on the page, and long work."""
 
-from collections.abc import Callable
+import json
+import os
+import signal
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
 
-from tests.web.browser.conftest import Window
+import pytest
+from playwright.sync_api import expect
+
+from tests.web.browser.conftest import Server, Window
 
 Open = Callable[..., Window]
 
@@ -79,3 +87,93 @@ def test_a_job_is_started_survives_a_reload_and_is_cancelled(open_page: Open) ->
     window.page.wait_for_selector("#jobs li[data-status=cancelled]", timeout=20_000)
     window.page.click("#jobs li >> nth=0 >> button:has-text('Delete')")
     window.page.wait_for_selector("#jobs li:has-text('none yet')")
+
+
+@pytest.fixture
+def ended(server: Server) -> Iterator[None]:
+    """No job goes on when a test ends."""
+    yield
+    for note in notes(server):
+        end(note)
+
+
+def notes(server: Server) -> list[dict[str, Any]]:
+    return [json.loads(path.read_text()) for path in (server.data / "revline" / "jobs").glob("2*/job.json")]
+
+
+def end(note: dict[str, Any]) -> None:
+    try:
+        os.killpg(note["process"]["pid"], signal.SIGKILL)
+    except (KeyError, ProcessLookupError):
+        return
+
+
+def forgive(window: Window, *words: str) -> None:
+    """The browser's own words for what was refused or lost."""
+    window.complaints = [text for text in window.complaints if not any(word in text for word in words)]
+
+
+def begin_study(window: Window) -> None:
+    window.page.click("#jobs-open")
+    window.page.click("#jobs button:has-text('Start a study')")
+    window.page.wait_for_selector("#jobs li[data-status=running]")
+
+
+@pytest.mark.usefixtures("ended")
+def test_a_server_that_stops_with_a_job_under_way_says_so_and_knows_how_it_ended(open_page: Open, server: Server) -> None:
+    window = open_page()
+    begin_study(window)
+    server.stop()
+    try:
+        window.page.fill("#kp-number", "0.8")
+        window.page.press("#kp-number", "Enter")
+        window.page.wait_for_selector("#banner:has-text('does not answer')")
+        assert "stale" in str(window.page.get_attribute("#speed", "class"))
+        (note,) = notes(server)
+        os.kill(note["process"]["pid"], 0)  # the job goes on without its server
+        end(note)
+    finally:
+        server.start()
+    window.page.wait_for_selector("#banner", state="hidden", timeout=30_000)
+    assert window.settle().state()["kp"] == 0.8
+    assert "stale" not in str(window.page.get_attribute("#speed", "class"))
+    job = window.page.locator("#jobs li[data-status=interrupted]")
+    expect(job).to_have_count(1, timeout=20_000)
+    expect(job.get_by_role("button", name="Go on")).to_be_visible()
+    job.get_by_role("button", name="Delete").click()
+    expect(window.page.locator("#jobs li:has-text('none yet')")).to_be_visible()
+    forgive(window, "ERR_CONNECTION_REFUSED", "ERR_EMPTY_RESPONSE", "ERR_CONNECTION_RESET")
+
+
+@pytest.mark.usefixtures("ended")
+def test_of_two_pages_that_change_a_job_the_second_is_told(open_page: Open) -> None:
+    here = open_page()
+    begin_study(here)
+    there = open_page()
+    there.page.click("#jobs-open")
+    there.page.wait_for_selector("#jobs li[data-status=running] button:has-text('Cancel')")
+    there.page.route("**/api/v1/jobs", lambda route: route.abort())  # it has not heard of it yet
+    here.page.click("#jobs li button:has-text('Cancel')")
+    here.page.wait_for_selector("#jobs li[data-status=cancelled]", timeout=20_000)
+    there.page.click("#jobs li button:has-text('Cancel')")
+    expect(there.page.locator("#jobs [role=alert]")).to_contain_text("was changed meanwhile, perhaps from another page")
+    there.page.unroute("**/api/v1/jobs")
+    there.page.wait_for_selector("#jobs li[data-status=cancelled]", timeout=20_000)
+    there.page.click("#jobs li button:has-text('Delete')")
+    there.page.wait_for_selector("#jobs li:has-text('none yet')")
+    forgive(there, "412", "ERR_FAILED")
+
+
+def test_a_file_is_dropped_on_the_page(open_page: Open, tmp_path: Path) -> None:
+    """A drop as the browser makes it of a file that the mouse brings: only over a page that lets it is there a drop at all."""
+    window = open_page()
+    rows = "\n".join(f"{w},{12.0 / (1.0 + (0.58 * w) ** 2) ** 0.5:.6f},{-1.3 * w - 20.0 * w**0.5:.4f}" for w in (0.1, 0.5, 1, 2, 5, 10, 20))
+    (tmp_path / "dropped.csv").write_text(f"frequency_rad_s,magnitude,phase_deg\n{rows}\n")
+    line = window.page.context.new_cdp_session(window.page)
+    data = {"items": [], "files": [str(tmp_path / "dropped.csv")], "dragOperationsMask": 1}
+    for kind in ("dragEnter", "dragOver", "drop"):
+        line.send("Input.dispatchDragEvent", {"type": kind, "x": 700, "y": 400, "data": data})
+    window.page.wait_for_selector("#data h3:has-text('dropped.csv')")
+    assert window.page.locator("#data").is_visible()
+    assert sum(row.startswith("own data,") for row in window.curves("magnitude").splitlines()) == 7
+    assert window.page.url.startswith(window.address)

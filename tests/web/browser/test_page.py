@@ -7,6 +7,7 @@ from typing import Any
 
 import httpx
 import pytest
+from playwright.sync_api import Route
 
 from tests.web.browser.conftest import ROOT, Server, Window
 
@@ -134,19 +135,59 @@ def test_a_problem_stands_at_its_control_and_the_last_plots_stay(open_page: Open
     window.complaints = [text for text in window.complaints if "422" not in text]  # the browser's own word for a refused state
 
 
-def test_a_server_that_went_and_came_back(open_page: Open, server: Server) -> None:
+def test_what_is_left_for_later_is_greyed_and_follows(open_page: Open) -> None:
+    """Where many ask at once a move is answered in pieces; none is shown beside the numbers of another state, and all are in the end."""
     window = open_page()
-    server.stop()
-    try:
-        window.page.fill("#kp-number", "0.9")
-        window.page.press("#kp-number", "Enter")
-        window.page.wait_for_selector("#banner:has-text('does not answer')")
-    finally:
-        server.start()
-    window.page.wait_for_selector("#banner", state="hidden", timeout=30_000)
-    assert window.settle().state()["kp"] == 0.9
+    before = {plot: window.curves(plot) for plot in ("speed", "plane", "magnitude")}
+    asked: list[list[str]] = []
+    seen: list[tuple[str, str, bool]] = []
+
+    def pieces(route: Route) -> None:
+        body: Any = route.request.post_data_json
+        asked.append(body["parts"])
+        if len(asked) > 1:
+            if "loop" in body["parts"]:
+                greyed = "stale" in str(window.page.get_attribute("#speed", "class"))
+                seen.append((window.page.inner_text("#verdict"), window.curves("plane"), greyed))
+            route.continue_()
+            return
+        found = route.fetch().json()
+        later = ["loop", "words", "answers"]
+        route.fulfill(json={**found, "parts": {name: part for name, part in found["parts"].items() if name not in later}, "later": later})
+
+    window.page.route("**/api/v1/view", pieces)
+    window.set("kp", 0.7)
+    assert {"loop", "words", "answers", "margins"} <= set(asked[0])
+    assert set(asked[1]) == {"loop", "words", "answers"}
+    ((verdict, plane, stale),) = seen
+    assert verdict == "many ask at once: the rest follows"
+    assert plane != before["plane"]
+    assert stale
+    assert window.curves("speed") != before["speed"]
+    assert window.page.inner_text("#verdict").startswith("stable")
     assert "stale" not in str(window.page.get_attribute("#speed", "class"))
-    window.complaints = [text for text in window.complaints if "ERR_CONNECTION_REFUSED" not in text]  # the browser's own word for it
+
+
+def test_a_server_that_is_too_busy_is_asked_again(open_page: Open) -> None:
+    window = open_page()
+    refused = []
+
+    def busy(route: Route) -> None:
+        refused.append(route.request.url)
+        if len(refused) > 1:
+            route.continue_()
+            return
+        problem = {"type": "/problems/too-busy", "title": "too many", "status": 503, "detail": "200 requests are being answered already"}
+        route.fulfill(status=503, content_type="application/problem+json", body=json.dumps(problem))
+
+    window.page.route("**/api/v1/view", busy)
+    window.page.fill("#kp-number", "0.6")
+    window.page.press("#kp-number", "Enter")
+    window.page.wait_for_selector("#banner:has-text('200 requests are being answered already')")
+    window.page.wait_for_selector("#banner", state="hidden", timeout=20_000)
+    assert window.settle().state()["kp"] == 0.6
+    assert "stale" not in str(window.page.get_attribute("#speed", "class"))
+    window.complaints = [text for text in window.complaints if "503" not in text]
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
