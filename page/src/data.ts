@@ -47,7 +47,17 @@ export interface LogAnswer {
   engine: OrProblem<Played>;
   exact: OrProblem<Played>;
   models: Record<string, OrProblem<Played>>;
-  response: OrProblem<Curve & { models: Fitted; engine: Compared }>;
+  response: OrProblem<
+    Curve & {
+      models: Fitted;
+      engine: Compared;
+      /** Of each value: standard deviation, and a bound of what is not random, as parts of it. */
+      relative_deviation: number[];
+      relative_bias: number[];
+      between_samples: string;
+      remark?: string;
+    }
+  >;
   notes: string[];
 }
 
@@ -96,6 +106,19 @@ function comparedLines(engine: Compared): string[] {
   return [line("exact linear engine", engine.exact), line("engine at this amplitude", engine.harmonic_balance)];
 }
 
+/** What is said of the response that a log tells, and of how far it can be trusted. */
+function toldLines(told: Exclude<LogAnswer["response"], { problem: Problem }>): string[] {
+  const most = (parts: number[]) => `${showNumber(100 * Math.max(0, ...parts), 2)} %`;
+  const trust = `standard deviation at most ${most(told.relative_deviation)}, not random at most ${most(told.relative_bias)}`;
+  return [
+    `its response: ${told.frequency_rad_s.length} frequencies; ${trust}`,
+    `throttle between the samples: ${told.between_samples}`,
+    ...(told.remark ? [told.remark] : []),
+    ...comparedLines(told.engine),
+    ...fittedLines(told.models),
+  ];
+}
+
 /** What is said of a file, a line each. */
 export function linesOf(answer: FileAnswer): string[] {
   if (answer.kind === "response") {
@@ -117,7 +140,7 @@ export function linesOf(answer: FileAnswer): string[] {
     ...Object.entries(answer.models).map(([name, one]) => played(NAMES[name] ?? name, one)),
     ...(isProblem(answer.response)
       ? [`no response could be read from it: ${(answer.response as { problem: Problem }).problem.detail}`]
-      : [...comparedLines(answer.response.engine), ...fittedLines(answer.response.models)]),
+      : toldLines(answer.response)),
     ...answer.notes,
   ];
 }

@@ -18,6 +18,35 @@ describe("own files", () => {
     ]);
   });
 
+  it("say how far the response of a log can be trusted", () => {
+    const problem = { problem: { title: "", detail: "too few points", status: 422 } };
+    const lines = linesOf({
+      kind: "log",
+      name: "a",
+      duration_s: 10,
+      samples: 1000,
+      log: { time_s: [], speed_rad_s: [], throttle_deg: [] },
+      engine: problem,
+      exact: problem,
+      models: {},
+      response: {
+        frequency_rad_s: [1, 2],
+        magnitude_db: [0, 0],
+        phase_deg: [0, 0],
+        models: {},
+        engine: problem,
+        relative_deviation: [0.01, 0.002],
+        relative_bias: [0.03, 0.05],
+        between_samples: "held",
+        remark: "it was not said",
+      },
+      notes: [],
+    });
+    expect(lines).toContain("its response: 2 frequencies; standard deviation at most 1 %, not random at most 5 %");
+    expect(lines).toContain("throttle between the samples: held");
+    expect(lines).toContain("it was not said");
+  });
+
   it("tell problems in place of numbers", () => {
     const problem = { problem: { title: "", detail: "too few points", status: 422 } };
     const answer = {
