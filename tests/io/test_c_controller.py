@@ -273,3 +273,13 @@ def test_what_cannot_be_written_is_refused() -> None:
     with pytest.raises(InvalidInputError, match=r"an update calls numpy\.exp, which cannot be written as code"):
         np.exp(given("x"))
     assert isinstance(1.0 / -given("x") - 2.0 * given("y"), Operation)
+
+
+@pytest.mark.parametrize("kp", [1e39, -1e300, 1e-40])
+def test_what_single_precision_cannot_hold_is_refused(kp: float) -> None:
+    """Else C would make it infinite, or take digits, without a word."""
+    code = sampled_pid(replace(PLAIN, gains=replace(C2D, kp=kp)), output=25.0, measurement=240.0)
+    write = partial(write_c_controller, code, name="pid", about={}, units={"kp": "deg/(rad/s)"})
+    assert repr(kp) in write(precision=Precision.DOUBLE)
+    with pytest.raises(InvalidInputError, match=r"parameter kp = .* deg/\(rad/s\).*single precision.*export in double precision"):
+        write(precision=Precision.FLOAT)

@@ -5,12 +5,14 @@ Compiled without contraction (-ffp-contract=off) and without -ffast-math it comp
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from enum import Enum
 from types import MappingProxyType
 from typing import Final
 
-from revline.errors import InvalidInputError
+import numpy as np
+
+from revline.errors import InvalidInputError, out_of_range
 from revline.io.recorded_operations import Operation, Statement, check_names, flat_parameters, given, named_parameters, write_statements
 from revline.sampled import SampledController
 from revline.system import Variable
@@ -129,7 +131,7 @@ def write_c_controller(
         The text of the file: a struct of states, one of outputs, `NAME_start` and `NAME_step`; it is its own header.
 
     Raises:
-        InvalidInputError: the name, or that of a signal, is none in C.
+        InvalidInputError: the name, or that of a signal, is none in C, or a parameter has no place among numbers of single precision.
     """
     if not re.fullmatch(r"[a-z][a-z0-9_]{0,30}", name):
         message = f"{name!r} is no name for C code; give lower-case letters, digits and underscores, beginning with a letter"
@@ -138,6 +140,8 @@ def write_c_controller(
     head = "\n".join(f" * {key}: {_comment(value)}" for key, value in about.items())
     parameters = controller.parameters
     pairs = flat_parameters(parameters)
+    if precision is Precision.FLOAT:
+        _check_single(pairs, units)
     declared = "\n".join(f"    real {field}; /* [{_comment(units.get(field, '1'))}] */" for field, _ in pairs)
     constants = "\n".join(f"    {_literal(float(value))}, /* {field} */" for field, value in pairs)
     begin, sample = _start(controller), _step(controller)
@@ -164,6 +168,15 @@ def write_c_controller(
         begin=begin,
         sample=sample,
     )
+
+
+def _check_single(pairs: Sequence[tuple[str, float]], units: Mapping[str, str]) -> None:
+    """Refuse what would become infinite or lose its digits: C rounds a constant without a word."""
+    limits = np.finfo(np.float32)
+    for field, value in pairs:
+        if math.isfinite(value) and value != 0.0 and not float(limits.tiny) <= abs(value) <= float(limits.max):
+            limit = f"{float(limits.tiny):.3g} to {float(limits.max):.3g} in magnitude, or 0, in single precision"
+            raise out_of_range(f"parameter {field}", value, units.get(field, ""), limit, "export in double precision")
 
 
 def _start(controller: SampledController) -> str:
