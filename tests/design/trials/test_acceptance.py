@@ -232,6 +232,7 @@ def test_the_spread_changes_one_parameter_at_a_time() -> None:
         (lambda: Battery(load=math.inf), "the step of the load is inf"),
         (lambda: Battery(until=0.0), "length of a run = 0 s is outside the positive numbers"),
         (lambda: accept({"e": lee1995()}, sampled(MILD), []), "accepted on one plant and at one operating point at least"),
+        (lambda: accept({"e": lee1995()}, sampled(MILD), [{"throttle": 25.0}] * 2), "operating point throttle = 25 is given twice"),
     ],
 )
 def test_what_cannot_be_judged_is_refused(make: Any, message: str) -> None:

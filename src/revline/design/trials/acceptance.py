@@ -222,8 +222,8 @@ def accept(
         progress: told which part of the runs is done.
 
     Raises:
-        InvalidInputError: there is no place, the controller is continuous, its limits exclude a trim, or it is scheduled over signals that
-            it does not read from the plant.
+        InvalidInputError: there is no place, or one twice, the controller is continuous, its limits exclude a trim, or it is scheduled
+            over signals that it does not read from the plant.
         NoTrimError: there is no trim at a place.
         NotConvergedError: a loop moves so slowly that no run tells its reserve.
         StepError: the battery's step is longer than a lag that a run comes to.
@@ -231,6 +231,11 @@ def accept(
     battery = battery or Battery()
     if not places or not plants:
         message = "a controller is accepted on one plant and at one operating point at least; give the plant and the inputs of a trim"
+        raise InvalidInputError(message)
+    twice = next((place for k, place in enumerate(places) if place in places[:k]), None)
+    if twice is not None:
+        words = ", ".join(f"{name} = {value:g}" for name, value in twice.items())
+        message = f"operating point {words} is given twice, and would count twice in the verdict; give each once"
         raise InvalidInputError(message)
     (nominal, plant), names = next(iter(plants.items())), tuple(plants)
     check_schedule(plant, controller, wires)
