@@ -282,8 +282,9 @@ function askSlow(): void {
 /** What the server left for later, of the state shown. */
 let left: PartName[] = [];
 
+/** The first view does not wait for the steady map, whose process begins last. */
 function wanted(state: State): PartName[] {
-  const parts = ([...LIVE, "map"] as PartName[]).filter((part) => !known(part, state));
+  const parts = (shown ? [...LIVE, "map" as const] : [...LIVE]).filter((part) => !known(part, state));
   return parts.length > 0 ? parts : ["words"];
 }
 
@@ -299,7 +300,7 @@ const follower = new Follower<State, View & { asked: PartName[] }>(
     }
     take(answer, parts, asked);
     for (const part of later) delete found[part];
-    left = later;
+    left = parts.includes("map") || known("map", asked) ? later : [...later, "map"];
     shown = asked;
     attempts = 0;
     banner.hidden = faults.length === 0;

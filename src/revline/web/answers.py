@@ -12,7 +12,6 @@ from revline.errors import InvalidInputError, RevlineError
 from revline.io.engine_files import format_engine
 from revline.io.json_files import format_compact_json
 from revline.web.asked.registry import find_record
-from revline.web.files.own_files import read_own_file
 from revline.web.parameters import changed_engine, list_parameters
 from revline.web.problems import CONTENT_TYPE, problem_of
 from revline.web.state import parse_state
@@ -93,6 +92,8 @@ def answer_file(kind: str, name: str, entries: Mapping[str, Any], content: bytes
         entries: the state that it is compared with.
         content: of the file.
     """
+    from revline.web.files.own_files import read_own_file  # its libraries take 0.4 s to import, which a view needs not wait for
+
     try:
         return _as_json(read_own_file(kind, name, parse_state(entries), content))
     except RevlineError as error:

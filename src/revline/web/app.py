@@ -125,6 +125,7 @@ async def _warm_up(desk: Desk, ready: Callable[[], None] | None) -> None:
     await desk.live.warm_up()
     if ready is not None:
         ready()
+    await desk.slow.warm_up()  # not before: it would take its time from those that a page asks first
 
 
 async def _tend(jobs: Jobs) -> None:
