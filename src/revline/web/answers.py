@@ -92,7 +92,7 @@ def answer_file(kind: str, name: str, entries: Mapping[str, Any], content: bytes
         entries: the state that it is compared with.
         content: of the file.
     """
-    from revline.web.files.own_files import read_own_file  # its libraries take 0.4 s to import, which a view needs not wait for
+    from revline.web.files.own_files import read_own_file  # noqa: PLC0415 - 0.4 s of libraries that no view waits for
 
     try:
         return _as_json(read_own_file(kind, name, parse_state(entries), content))
