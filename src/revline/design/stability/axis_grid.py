@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize.elementwise import find_minimum, find_root
 
-from revline.design.stability.bracket_search import Ends, find_lowest, find_roots
 from revline.errors import NotConvergedError
 from revline.units import Seconds
 
@@ -124,6 +124,10 @@ class Features(NamedTuple):
     peaks: tuple[tuple[float, float], ...]
 
 
+NO_BRACKET, VALUELESS = -1, -3
+"""What scipy's `find_minimum` says of a middle that is not below its neighbours, and of a function that is no finite number."""
+
+
 class _Extremes(NamedTuple):
     """Points of a grid at which a function, times a sign, is not above its neighbours: which function, where, and the sign."""
 
@@ -147,29 +151,43 @@ def find_features(
         measures: functions whose largest values are sought as by `highest`.
         grid: frequencies above 0, rising, between whose neighbours each function has at most one peak.
         values: the crossings there, then the measures.
+
+    Raises:
+        NotConvergedError: a function has no finite value between frequencies at which it has.
     """
     functions, count = (*crossings, *measures), len(crossings)
     extremes = [_towards_zero(k, one) if k < count else _largest(k, one) for k, one in enumerate(values)]
-    which, at, sign = (np.concatenate(parts) for parts in zip(*extremes, strict=True))
-    x, stacked = np.log(grid), np.stack(values)
-    lowest = find_lowest(
-        lambda places, k: sign[k] * _chosen(functions, which[k], evaluate(np.exp(places))),
-        (x[at - 1], x[at], x[at + 1]),
-        (sign * stacked[which, at - 1], sign * stacked[which, at], sign * stacked[which, at + 1]),
-    )
-    places, reached = np.exp(lowest.places), sign * lowest.values
+    found = _Extremes(*(np.concatenate(parts) for parts in zip(*extremes, strict=True)))
+    places, lowest = _lowest(lambda k, w: _chosen(functions, k, evaluate(w)), grid, found, np.stack(values))
+    which, sign = found.which, found.sign
+    reached = sign * lowest
     filled = []
     for k in range(count):
-        passed = (lowest.values < -ROUNDING) & (which == k)
+        passed = (lowest < -ROUNDING) & (which == k)
         where = np.searchsorted(grid, places[passed])
         filled.append((np.insert(grid, where, places[passed]), np.insert(values[k], where, reached[passed])))
     peaks = []
     for k, sizes in enumerate(values[count:], start=count):
         mine = which == k
-        found = np.append(sizes, reached[mine])
-        top = int(np.argmax(found))
-        peaks.append((float(found[top]), float(np.append(grid, places[mine])[top])))
+        all_sizes = np.append(sizes, reached[mine])
+        top = int(np.argmax(all_sizes))
+        peaks.append((float(all_sizes[top]), float(np.append(grid, places[mine])[top])))
     return Features(_roots(evaluate, crossings, filled), tuple(peaks))
+
+
+def _lowest(function: Callable[..., Floats], grid: Floats, extremes: _Extremes, values: NDArray[Any]) -> tuple[Floats, Floats]:
+    """Where functions times their signs are lowest about points of a grid, on the logarithm of the frequency, and their values there."""
+    which, at, sign = extremes
+    if not at.size:
+        return np.empty(0), np.empty(0)
+    x = np.log(grid)
+    found = find_minimum(lambda places, side, k: side * function(k, np.exp(places)), (x[at - 1], x[at], x[at + 1]), args=(sign, which))
+    if np.any(found.status == VALUELESS):
+        place = float(grid[at[found.status == VALUELESS][0]])
+        message = f"a loop has no finite value near {place:g} rad/s, between frequencies at which it has: its peak there is not known"
+        raise NotConvergedError(message, frequency=place)
+    flat = found.status == NO_BRACKET  # equal to rounding, so that the point of the grid is as good as any
+    return np.where(flat, grid[at], np.exp(found.x)), np.where(flat, sign * values[which, at], found.f_x)
 
 
 def _towards_zero(k: int, sizes: Floats) -> _Extremes:
@@ -196,10 +214,8 @@ def _roots(
     which = np.repeat(np.arange(len(changes)), [at.size for at in changes])
     if not which.size:
         return tuple(np.array([]) for _ in functions)
-    ends = (
-        np.concatenate([entry[what][at + after] for entry, at in zip(filled, changes, strict=True)]) for what in (0, 1) for after in (0, 1)
-    )
-    found = find_roots(lambda w, k: _chosen(functions, which[k], evaluate(w)), Ends(*ends))
+    low, high = (np.concatenate([places[at + after] for (places, _), at in zip(filled, changes, strict=True)]) for after in (0, 1))
+    found = np.asarray(find_root(lambda w, k: _chosen(functions, k, evaluate(w)), (low, high), args=(which,)).x)
     return tuple(found[which == k] for k in range(len(functions)))
 
 
