@@ -285,6 +285,11 @@ export function drawPlane(found: Found, state: State, controllers: readonly Name
   lines.push({ label: "these gains", color: COLORS.mark, x: [state.kp], y: [state.ki], marker: "dot", width: 5 });
   const shade = { rows: gains.shade, x: [low, high] as [number, number], y: [0, top] as [number, number] };
   const texts = [`kp ${state.kp}, ki ${state.ki} at kd ${state.kd}; stable gains are shaded`, ...missing];
+  if (!gains.shade.some((row) => row.includes("1"))) {
+    const bounds = [low, high, top].map((value) => Number(value.toPrecision(3)));
+    const note = `none of kp ${bounds[0]} to ${bounds[1]}, ki 0 to ${bounds[2]} is stable with kd ${state.kd}`;
+    return { lines, x, y, shade, note, summary: [...texts, note].join("; ") };
+  }
   return { lines, x, y, shade, summary: texts.join("; ") };
 }
 

@@ -214,7 +214,7 @@ def _top(loop: OpenLoop, low: float) -> float:
     above = np.flatnonzero(~(sizes < FLOOR))
     if above.size and above[-1] == grid.size - 1:
         message = (
-            f"the loop {loop.name} is improper, or nearly so: its gain is still {sizes[-1]:g} at {HIGHEST:g} rad/s, so that margins at "
+            f"the loop {loop.name} is improper, or nearly so: its gain is still {sizes[-1]:.3g} at {HIGHEST:g} rad/s, so that margins at "
             "high frequency mean nothing; filter the derivative, kd s/(1 + s kd/(N kp)) with N of 5 to 20, or add the actuator's lag"
         )
         raise InvalidInputError(message, gain=float(sizes[-1]))
