@@ -1,5 +1,6 @@
 """Harmonic balance at many frequencies in batches, keeping what is found where a frequency has no answer or the whole is interrupted."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,16 +28,20 @@ class PartialBalance:
     Attributes:
         finished: the answers at the frequencies that have one.
         missing: the others.
+        reach: amplitude up to which an orbit was found at each of these too; none where one of them was not tried.
     """
 
     finished: HarmonicBalance
     missing: tuple[MissingAnswer, ...]
+    reach: float | None = None
 
     def __str__(self) -> str:
         """Say what is missing, and why."""
         count = self.finished.omega.size
         missing = "; ".join(f"{entry.omega:g} rad/s ({entry.reason})" for entry in self.missing)
-        return f"{count} of {count + len(self.missing)} frequencies are finished; missing: {missing}"
+        asked, unit = self.finished.excitation.amplitude, self.finished.moved.unit
+        reach = "" if self.reach is None else f" with {asked:g} {unit}, each of them has an answer up to {self.reach:.4g} {unit}"
+        return f"{count} of {count + len(self.missing)} frequencies are finished{reach}; missing: {missing}"
 
 
 def attempt_balance(
@@ -87,7 +92,15 @@ def attempt_balance(
     whole = _merge(system, trim, parts)
     if not failures:
         return whole
-    return PartialBalance(finished=whole, missing=tuple(MissingAnswer(w, str(error) or "interrupted") for w, error in failures))
+    missing = tuple(MissingAnswer(w, str(error) or "interrupted") for w, error in failures)
+    return PartialBalance(finished=whole, missing=missing, reach=_reach([error for _, error in failures]))
+
+
+def _reach(errors: Sequence[BaseException]) -> float | None:
+    """The amplitude that all refusals tell an orbit up to."""
+    reached = [error.details.get("amplitude") for error in errors if isinstance(error, RevlineError)]
+    known = [amplitude for amplitude in reached if isinstance(amplitude, float)]
+    return min(known) if len(known) == len(errors) else None
 
 
 def _merge(system: DelaySystem, trim: Trim, parts: list[HarmonicBalance]) -> HarmonicBalance:
