@@ -64,11 +64,17 @@ const following = new Following(store, {
     controls.remarks.tell(new Map([[control, detail]]));
     if (!controls.remarks.knows(control)) headline.tell(detail);
     plots.grey(detail);
-    headline.refuse();
+    headline.refuse("no view: see the problem at its control");
   },
-  lost: (why = "The server does not answer", wait) => {
+  lost: (why, wait) => {
     plots.grey();
-    headline.tell(`${why}; what is shown is the last it said. Trying again every ${wait} s.`);
+    headline.tell(`${why}; what is shown is the last it said. Asking again ${wait > 0 ? `in ${wait} s` : "now"}.`);
+  },
+  broken: (error) => {
+    plots.grey();
+    headline.refuse("no view: the page failed to show it");
+    headline.tell(`The page failed to show what it was given (${error}); what is moved next is asked for anew.`);
+    reportError(error);
   },
   back: () => {
     headline.hush();
@@ -90,7 +96,7 @@ offerUndo(store);
 followAddress(store, looks, look);
 store.subscribe((state) => {
   offers.ask(state.engine);
-  following.move(state);
+  following.move();
 });
 need("tour").addEventListener("click", () => tour.start());
 offerLink(store, looks, (text) => headline.tell(text));
