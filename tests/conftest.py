@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from hypothesis import settings
+from xdist.scheduler.loadscope import LoadScopeScheduling
 
 from revline.cli import THREADS
 
@@ -19,6 +20,9 @@ settings.load_profile("untimed")
 
 MOST_KERNELS = 25
 """Kernels that one session may build: each costs seconds where the cache is cold. Parameters and inputs need no new ones."""
+
+STUDY = "tests/studies/"
+"""Where the tests are that share one computed study, which takes a minute."""
 
 KERNELS = pytest.StashKey[set[str]]()
 
@@ -38,6 +42,19 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if hasattr(config, "workerinput"):
         slow = {item.path for item in items if item.get_closest_marker("slow")}
         items.sort(key=lambda item: item.path not in slow)
+
+
+class SharedStudy(LoadScopeScheduling):  # type: ignore[misc]  # xdist publishes no types
+    """Modules are handed out whole, and all about the study to one process, which computes it once."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        return STUDY if nodeid.startswith(STUDY) else super()._split_scope(nodeid)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> SharedStudy | None:
+    """Hand tests out by modules, but for those of the study."""
+    return SharedStudy(config, log) if config.getvalue("dist") == "loadscope" else None
 
 
 def built_kernels() -> set[str]:

@@ -276,6 +276,7 @@ def test_operating_points_and_limits_are_checked(engine: DelaySystem, point: Ope
         (math.nan, 8.0, 1e-3, "command step = nan moves nothing"),
         (60.0, 0.0, 1e-3, "stop time = 0 s is outside values above 0"),
         (60.0, math.inf, 1e-3, "stop time = inf s is outside"),
+        (60.0, 0.006, 1e-3, r"stop time = 0.006 s is outside 7 time steps of 0.001 s; run longer, or take shorter time steps"),
         (60.0, 8.0, -1e-3, r"time step = -0.001 s is outside values above 0"),
     ],
 )

@@ -183,6 +183,10 @@ class LoopTask:
         for name, value in (("stop time", self.until), ("time step", self.step)):
             if not (math.isfinite(value) and value > 0.0):
                 raise out_of_range(name, value, "s", "values above 0", "give a time in seconds")
+        if self.until < (MIN_SAMPLES - 1) * self.step:
+            raise out_of_range(
+                "stop time", self.until, "s", f"{MIN_SAMPLES - 1} time steps of {self.step:g} s", "run longer, or take shorter time steps"
+            )
 
 
 class LoopFrame(NamedTuple):
