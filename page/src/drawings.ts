@@ -78,7 +78,10 @@ export function drawMap(found: Found, state: State): Drawing | undefined {
   return { lines, x: [0, 90], y: [0, rangeOf(map.speed_rad_s, 10)[1]], summary };
 }
 
-export function drawBode(found: Found, which: "magnitude_db" | "phase_deg", own?: Curve): Drawing | undefined {
+/** A response of the user's own, and what was assumed to find it. */
+export type Own = Curve & { note?: string };
+
+export function drawBode(found: Found, which: "magnitude_db" | "phase_deg", own?: Own): Drawing | undefined {
   const response = whole(found.response);
   if (!response) return undefined;
   const exact = whole(response.exact);
@@ -129,11 +132,15 @@ export function drawBode(found: Found, which: "magnitude_db" | "phase_deg", own?
   const values = [...(exact?.[which] ?? []), ...(balance?.[which] ?? []), ...(own?.[which] ?? [])];
   const y = which === "phase_deg" ? ([-450, 10] as [number, number]) : rangeOf(values, 20);
   const share = shareFound(responseNotes(found));
+  const notes = [
+    ...(share ? [`only ${share} found, the models fitted to them`] : []),
+    ...(own?.note ? [own.note] : []),
+  ];
   return {
     lines,
     x,
     y,
-    ...(share ? { note: `only ${share} found, the models fitted to them` } : {}),
+    ...(notes.length > 0 ? { note: notes.join("; ") } : {}),
     summary: `${exact ? "exact response and " : ""}${Object.keys(models ?? {}).length} models from 0.1 to 200 rad/s`,
   };
 }

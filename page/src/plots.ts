@@ -1,7 +1,17 @@
 /** The plots of the page: what each is called, what it is drawn from, and which are drawn again when something is new. */
 
-import type { Curve, Found, PartName } from "./api";
-import { drawBode, drawDistortion, drawErrors, drawMap, drawPlane, drawRoots, drawTime, type Named } from "./drawings";
+import type { Found, PartName } from "./api";
+import {
+  drawBode,
+  drawDistortion,
+  drawErrors,
+  drawMap,
+  drawPlane,
+  drawRoots,
+  drawTime,
+  type Named,
+  type Own,
+} from "./drawings";
 import type { Seen } from "./following";
 import { Reads } from "./needs";
 import { type DragPhase, type Drawing, Plot, type PlotOptions } from "./plot";
@@ -11,7 +21,7 @@ import type { State } from "./state";
 /** What is drawn beside the view: controllers that are known by name, and a response of the user's own. */
 export interface Beside {
   controllers: readonly Named[];
-  own: Curve | undefined;
+  own: Own | undefined;
 }
 
 interface Kind {
