@@ -59,6 +59,8 @@ export interface Parts {
         delay_s: number;
         accepted: boolean;
         verdict: string;
+        /** Why the data do not determine it; empty where they do. */
+        undetermined: string[];
         curve: Curve;
         errors: { frequency_rad_s: number[]; magnitude_db: number[]; phase_deg: number[] };
       }

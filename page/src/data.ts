@@ -25,7 +25,7 @@ interface Difference {
 
 type Fitted = Record<
   string,
-  OrProblem<{ max_magnitude_error_db: number; max_phase_error_deg: number; delay_s: number }>
+  OrProblem<{ max_magnitude_error_db: number; max_phase_error_deg: number; delay_s: number; undetermined: string[] }>
 >;
 type Compared = OrProblem<{ exact: Difference; harmonic_balance: OrProblem<Difference> }>;
 
@@ -97,7 +97,8 @@ function fittedLines(models: Fitted): string[] {
     const title = NAMES[name] ?? name;
     if (isProblem(fit)) return `${title}: ${(fit as { problem: Problem }).problem.detail}`;
     const delay = fit.delay_s ? `, delay ${showNumber(1000 * fit.delay_s, 4)} ms` : "";
-    return `${title} fitted: off by at most ${showNumber(fit.max_magnitude_error_db, 3)} dB and ${showNumber(fit.max_phase_error_deg, 3)} deg${delay}`;
+    const doubt = fit.undetermined.length > 0 ? `; the data do not determine it: ${fit.undetermined.join("; ")}` : "";
+    return `${title} fitted: off by at most ${showNumber(fit.max_magnitude_error_db, 3)} dB and ${showNumber(fit.max_phase_error_deg, 3)} deg${delay}${doubt}`;
   });
 }
 
