@@ -2,7 +2,7 @@
 
 import "uplot/dist/uPlot.min.css";
 import "./style.css";
-import { offerLink, offerStudyFile, offerTheme, offerUndo } from "./actions";
+import { offerLink, offerSkip, offerStudyFile, offerTheme, offerUndo } from "./actions";
 import { followAddress, readAddress } from "./address";
 import { changeJob, fetchJson, type Job, sendFile, startJob } from "./api";
 import { Controls } from "./controls";
@@ -92,9 +92,11 @@ const offers = new Offers(
   (error) => following.failed(error),
 );
 
+offerSkip();
 offerUndo(store);
 followAddress(store, looks, look);
 store.subscribe((state) => {
+  plots.tell(state);
   offers.ask(state.engine);
   following.move();
 });
@@ -136,5 +138,6 @@ need("plots").append(...plots.figures, numbers.figure);
 look(read.look);
 if (read.faults.length > 0) headline.tell(read.faults.join("; "));
 controls.update(store.state);
+plots.tell(store.state);
 offers.ask(store.state.engine);
 following.start();
