@@ -28,6 +28,9 @@ SINGULAR = 1e-12
 FRACTIONS = (1.0, 0.5, 0.25, 0.0625, 0.015625)
 """Parts of Newton's step; the first that brings the misses down is taken."""
 
+DIFFERENCE = 6e-6
+"""Steps of differences, in search ranges: a cube root of the rounding of numbers."""
+
 FEW = 16
 """So many points cost as little as one: all parts of their steps are tried at once."""
 
@@ -142,8 +145,20 @@ class SteadyEquations:
         x, inputs = _parts(moved[..., :count]), tuple(u)
         with np.errstate(all="ignore"):
             zd = tuple(system.emit(system.parameters, x, inputs, (np.float64(0.0),) * len(system.channels)))
-            values = self._missed(x, inputs, zd, np.empty((*moved.shape[:-1], self.sizes.size), dtype=complex))
-        return values[0].real.copy(), np.moveaxis(values.imag, 0, -1) / COMPLEX_STEP
+            stepped = self._missed(x, inputs, zd, np.empty((*moved.shape[:-1], self.sizes.size), dtype=complex))
+        # Misses are those of real numbers: a root of what is negative has a value among complex ones, and none here.
+        return self.misses(unknowns, known), self._mend(np.moveaxis(stepped.imag, 0, -1) / COMPLEX_STEP, unknowns, known)
+
+    def _mend(self, slopes: Matrix, unknowns: Floats, known: Floats | None) -> Floats:
+        """Take differences where complex numbers go beyond their range before real ones do, as in 1/(1 + exp(500))."""
+        lost = ~np.all(np.isfinite(slopes), axis=(-2, -1))
+        if np.any(lost):
+            centre, rows = unknowns[lost], None if known is None else known[lost]
+            for k, step in enumerate(DIFFERENCE * np.diag(self.scales)):
+                low, high = np.maximum(centre - step, self.limits[0]), np.minimum(centre + step, self.limits[1])
+                rise = (self.misses(high, rows) - self.misses(low, rows)) / (high - low)[:, k, None]
+                slopes[lost, :, k] = rise * self.scales[k]
+        return slopes
 
     @cached_property
     def _imaginary_steps(self) -> Matrix:

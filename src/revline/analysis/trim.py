@@ -3,6 +3,7 @@
 At rest every channel reads what enters it now, so that lags do not matter for where a steady state lies; they decide whether it is stable.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -58,6 +59,10 @@ class Trim:
             if not abs(rate) <= DRIFT_LIMIT * search_scale(variable):
                 message = f"{variable.name} drifts by {rate:g} {rate_unit(variable)}; that is no trim"
                 raise InvalidInputError(message, quantity=variable.name, drift=float(rate))
+        for variable, value in zip(self.output_variables, self.outputs, strict=True):
+            if not math.isfinite(value):
+                message = f"{variable.name} = {value:g} {variable.unit} at rest; an output without a value makes no trim"
+                raise InvalidInputError(message, quantity=variable.name, value=float(value))
         make_read_only(self)
 
     @property
