@@ -2,7 +2,7 @@
 
 import { type Curve, isProblem, Lost, type Problem, Refused } from "./api";
 import { COLORS } from "./colors";
-import { NAMES, type Own } from "./drawings";
+import { DASHES, NAMES, type Own } from "./drawings";
 import { showNumber } from "./export";
 import { element } from "./parts";
 import { type Line, Plot } from "./plot";
@@ -262,7 +262,8 @@ function logPlot(answer: LogAnswer): HTMLElement {
     if (isProblem(one)) return;
     lines.push({ label, color, x: one.time_s, y: one.speed_rad_s, ...(dash ? { dash } : {}) });
   };
-  for (const [name, one] of Object.entries(answer.models)) add(NAMES[name] ?? name, COLORS[name as "g1"], one, [5, 3]);
+  for (const [name, one] of Object.entries(answer.models))
+    add(NAMES[name] ?? name, COLORS[name as "g1"], one, DASHES[name as "g1"]);
   add("exact", COLORS.exact, answer.exact, [9, 3]);
   add("engine", COLORS.engine, answer.engine);
   const { time_s: x, speed_rad_s: y } = answer.log;

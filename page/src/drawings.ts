@@ -8,7 +8,7 @@ import type { State } from "./state";
 
 export const NAMES: Record<string, string> = { g1: "1st order", g2: "2nd order", g2d: "2nd order + delay" };
 const MODELS = ["g1", "g2", "g2d"] as const;
-const DASHES: Record<(typeof MODELS)[number], number[]> = { g1: [2, 3], g2: [6, 3], g2d: [9, 3, 2, 3] };
+export const DASHES: Record<(typeof MODELS)[number], number[]> = { g1: [2, 3], g2: [6, 3], g2d: [9, 3, 2, 3] };
 const UNSURE = [1.5, 4];
 
 function whole<T>(part: T | undefined): Exclude<T, { problem: unknown }> | undefined {
@@ -87,6 +87,11 @@ export function drawMap(found: Found, state: State): Drawing | undefined {
 /** A response of the user's own, and what was assumed to find it. */
 export type Own = Curve & { note?: string };
 
+/** As far down as a quick engine needs, so that one sees the phase move; and to what was found at sinusoids, where that is further. */
+function phaseRange(found: readonly number[]): [number, number] {
+  return [Math.min(-450, ...found.map((phase) => phase - 20)), Math.max(10, ...found.map((phase) => phase + 20))];
+}
+
 export function drawBode(found: Found, which: "magnitude_db" | "phase_deg", own?: Own): Drawing | undefined {
   const response = whole(found.response);
   if (!response) return undefined;
@@ -136,7 +141,10 @@ export function drawBode(found: Found, which: "magnitude_db" | "phase_deg", own?
   }
   if (!exact && !balance && !own) return undefined;
   const values = [...(exact?.[which] ?? []), ...(balance?.[which] ?? []), ...(own?.[which] ?? [])];
-  const y = which === "phase_deg" ? ([-450, 10] as [number, number]) : rangeOf(values, 20);
+  const y =
+    which === "phase_deg"
+      ? phaseRange([...(balance?.phase_deg ?? []), ...(own?.phase_deg ?? [])])
+      : rangeOf(values, 20);
   const share = shareFound(responseNotes(found));
   const unsure = MODELS.filter((name) => doubtOf(found, name)).map((name) => NAMES[name]);
   const notes = [

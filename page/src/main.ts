@@ -42,6 +42,12 @@ const tour = new Tour(need("guide"), store, (step) => looks.set({ tour: step }))
 let beside: Beside = { controllers: [], own: undefined };
 window.workbench = { state: () => store.state, csv: (name) => plots.csv(name) };
 
+/** Say of all that is shown that it is no longer true. */
+function grey(reason?: string): void {
+  plots.grey(reason);
+  numbers.grey();
+}
+
 /** Draw what was found, and tell its problems at their controls. */
 function draw(): void {
   const { seen } = following;
@@ -63,15 +69,15 @@ const following = new Following(store, {
   refused: ({ control = "", detail }) => {
     controls.remarks.tell(new Map([[control, detail]]));
     if (!controls.remarks.knows(control)) headline.tell(detail);
-    plots.grey(detail);
+    grey(detail);
     headline.refuse("no view: see the problem at its control");
   },
   lost: (why, wait) => {
-    plots.grey();
+    grey();
     headline.tell(`${why}; what is shown is the last it said. Asking again ${wait > 0 ? `in ${wait} s` : "now"}.`);
   },
   broken: (error) => {
-    plots.grey();
+    grey();
     headline.refuse("no view: the page failed to show it");
     headline.tell(`The page failed to show what it was given (${error}); what is moved next is asked for anew.`);
     reportError(error);

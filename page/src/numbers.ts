@@ -75,6 +75,11 @@ export class Numbers {
     figure.append(caption, box);
   }
 
+  /** Say that they are no longer true. */
+  grey(): void {
+    this.figure.classList.add("stale");
+  }
+
   show(found: Found): void {
     this.figure.classList.toggle("stale", found.margins === undefined || isProblem(found.margins));
     if (!this.figure.classList.contains("stale")) {
