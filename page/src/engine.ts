@@ -103,7 +103,7 @@ export class EngineControls {
         now: () => valueIn(store.state),
         position: (value) => Math.round((POSITIONS * (value - low)) / span),
         at: (position) => Number((low + (span * position) / POSITIONS).toPrecision(4)),
-        text: (value) => String(Number(value.toPrecision(8))),
+        text: (value) => String(Number(value.toPrecision(7))),
         step: (value, steps) => Number((value + (5 * steps * span) / POSITIONS).toPrecision(6)),
         move,
         settle: () => store.settle(),

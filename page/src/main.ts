@@ -69,7 +69,7 @@ const following = new Following(store, {
   refused: ({ control = "", detail }) => {
     controls.remarks.tell(new Map([[control, detail]]));
     if (!controls.remarks.knows(control)) headline.tell(detail);
-    grey(detail);
+    grey();
     headline.refuse("no view: see the problem at its control");
   },
   lost: (why, wait) => {
