@@ -5,10 +5,10 @@ import json
 import math
 import time
 from collections.abc import Awaitable, Mapping, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 from revline.io.json_files import format_compact_json
-from revline.web.answers import answer_parts
+from revline.web.answers import answer_parts, answer_promises
 from revline.web.kept import Kept, key_of
 from revline.web.state import State
 from revline.web.turns import Turn
@@ -25,6 +25,10 @@ FEW: Final = 2
 FIRST: Final = ("point", "margins", "loop", "promises", "gains", "answers")
 ORDER: Final = (*FIRST, *(name for group in GROUPS for name in group if name not in FIRST))
 """Live parts, those first that a page shows a move by; the verdict in words is made once its parts are there."""
+
+MODELS: Final = "models"
+PROMISES: Final = "promises"
+"""What the models promise is found from their part alone, by whichever process has time."""
 
 PROBLEM: Final = b'{"problem":'
 
@@ -66,6 +70,13 @@ class Wanted:
             words = view_words(*(json.loads(self.found[name]) for name in OF_WORDS))
             given[WORDS] = format_compact_json(words).encode()
         return given, [name for name in self.parts if name not in given]
+
+
+class Share(NamedTuple):
+    """What one of two processes finds of a view: some parts, then others."""
+
+    first: list[str]
+    then: list[str]
 
 
 class Views:
@@ -112,8 +123,8 @@ class Views:
     def _shares(self, turn: Turn, wanted: Wanted) -> list[Awaitable[None]]:
         """Live parts, side by side where nobody else waits; else one process finds what there is time for."""
         if len(turn.places) > 1:
-            shares = zip(tuple(turn.places), _split(wanted), strict=False)
-            return [self._share(self._live, turn, place, wanted, share) for place, share in shares]
+            fitted, shares = asyncio.Event(), zip(tuple(turn.places), _split(wanted), strict=False)
+            return [turn.work(place, self._in_steps(place, wanted, share, fitted)) for place, share in shares]
         names = wanted.missing(ORDER)
         if not names:
             return []
@@ -132,16 +143,39 @@ class Views:
         return [find()]
 
     async def _share(self, crew: Crew, turn: Turn, place: int, wanted: Wanted, names: Sequence[str], seconds: float = math.inf) -> None:
-        found = await turn.work(place, find_share(crew.at(place, answer_parts, wanted.entries, list(names), seconds), names))
+        await turn.work(place, self._find(wanted, names, crew.at(place, answer_parts, wanted.entries, list(names), seconds)))
+
+    async def _in_steps(self, place: int, wanted: Wanted, share: Share, fitted: asyncio.Event) -> None:
+        """One share of two: who fits the models gives them on at once, and what they promise waits for them."""
+        if share.first:
+            try:
+                await self._find(wanted, share.first, self._live.at(place, answer_parts, wanted.entries, share.first, math.inf))
+            finally:
+                if MODELS in share.first:
+                    fitted.set()
+        if PROMISES in share.then:
+            await fitted.wait()
+        models = wanted.found.get(MODELS, PROBLEM)
+        if PROMISES in share.then and not models.startswith(PROBLEM):
+            await self._find(wanted, share.then, self._live.at(place, answer_promises, wanted.entries, models))
+        elif share.then:
+            await self._find(wanted, share.then, self._live.at(place, answer_parts, wanted.entries, share.then, math.inf))
+
+    async def _find(self, wanted: Wanted, names: Sequence[str], asked: Awaitable[Mapping[str, bytes]]) -> None:
+        found = await find_share(asked, names)
         wanted.found |= found
         for name, body in found.items():
             if not body.startswith(PROBLEM):
                 self._kept.keep(wanted.keys[name], body)
 
 
-def _split(wanted: Wanted) -> list[list[str]]:
-    """Live parts that are needed, in groups that share what they need."""
-    return [names for names in (wanted.missing(group) for group in GROUPS) if names]
+def _split(wanted: Wanted) -> list[Share]:
+    """Live parts that are needed, in groups that share what they need; what models promise that are fitted now is the other's to find."""
+    first, second = (wanted.missing(group) for group in GROUPS)
+    if MODELS in first and PROMISES in first:
+        cut = first.index(MODELS) + 1
+        return [Share(first[:cut], [name for name in first[cut:] if name != PROMISES]), Share(second, [PROMISES])]
+    return [Share(names, []) for names in (first, second) if names]
 
 
 async def find_share(asked: Awaitable[Mapping[str, bytes]], names: Sequence[str]) -> Mapping[str, bytes]:

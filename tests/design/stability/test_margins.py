@@ -217,7 +217,7 @@ def test_margins_found_together_are_those_found_alone() -> None:
     plain = [TransferFunction(numerator=(12.0,), denominator=(1.0, 0.55, 0.034), delay=delay) for delay in (0.0, 0.021)]
     torn = OpenLoop(name="torn", transfer=_torn, delay=0.0, unstable_poles=0.0)
     loops = [open_loop_of_model(plain[0], pid(0.5, 1.0)), open_loop_of_model(plain[1], pid(0.5, 1.0, 0.01))]
-    improper = OpenLoop(name="improper", transfer=lambda s: 1.0 + 0.0 * np.asarray(s), delay=0.0, unstable_poles=0.0)
+    improper = OpenLoop(name="improper", transfer=lambda s: np.ones(np.shape(s), dtype=complex), delay=0.0, unstable_poles=0.0)
     found = find_margins_each([loops[0], improper, torn, loops[1]])
     for mine, loop in ((found[0], loops[0]), (found[3], loops[1])):
         alone = find_margins(loop)

@@ -185,7 +185,7 @@ def _peak(one: Sought, k: int, places: Floats, reached: Floats, mine: NDArray[np
 
 
 def _lowest(sought: Sequence[Sought], extremes: Sequence[_Extremes]) -> list[tuple[Floats, Floats]]:
-    """Where functions times their signs are lowest about points of their grids, sought on the logarithm of the frequency; and their values."""
+    """Where functions times their signs are lowest about points of their grids, on the logarithm of the frequency, and their values."""
     cuts = np.cumsum([found.at.size for found in extremes])[:-1]
     which, at, sign = (np.concatenate(parts) for parts in zip(*extremes, strict=True))
     if not at.size:

@@ -1,7 +1,7 @@
 """Gains that stabilise, margins and characteristic roots, for a view."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any, Final
@@ -16,7 +16,7 @@ from revline.design.regions.loop_family import family_of_system
 from revline.design.regions.sensitivity_contour import find_sensitivity_contour
 from revline.design.stability.linear_loop import closed_loop_transfer
 from revline.design.stability.margins import Margins, find_margins, find_margins_each
-from revline.design.stability.open_loop import OpenLoop, open_loop_of_system
+from revline.design.stability.open_loop import OpenLoop, open_loop_of_model, open_loop_of_system
 from revline.errors import RevlineError
 from revline.io.margin_records import margin_record
 from revline.lti.interconnection import feed_back, to_state_space
@@ -133,10 +133,25 @@ def view_loop_roots(state: State) -> Mapping[str, Any]:
 def view_promises(state: State) -> Mapping[str, Any]:
     """Give the margins that each fitted model promises; none without any gain."""
     check_amplitude(state, find_point(place_of(state)))
+    return _promises(state, lambda name: loop_with_model(state, name))
+
+
+def promises_of(state: State, models: Mapping[str, TransferFunction]) -> Mapping[str, Any]:
+    """Give the margins that models promise which were fitted already, as `view_promises` does.
+
+    Args:
+        state: whose models they are.
+        models: the transfer function of each.
+    """
+    gains = gains_of(state)
+    return _promises(state, lambda name: open_loop_of_model(models[name], gains))
+
+
+def _promises(state: State, loop_of: Callable[[str], OpenLoop]) -> Mapping[str, Any]:
     loops: dict[str, OpenLoop | RevlineError] = {}
     for name in MODELS if has_control(state) else ():
         try:
-            loops[name] = replace(loop_with_model(state, name), name=f"of {name} under these gains")
+            loops[name] = replace(loop_of(name), name=f"of {name} under these gains")
         except RevlineError as error:
             loops[name] = error
     found = iter(find_margins_each([loop for loop in loops.values() if isinstance(loop, OpenLoop)]))
