@@ -186,3 +186,36 @@ def test_what_the_models_promise_waits_for_them_in_the_other_process(models: byt
     assert steps[1][1:] == [("answer_promises", models) if handed else ("answer_parts", ["promises"])]
     assert made["parts"]["promises"] == ({"from": "models"} if handed else {})
     assert ("problem" in made["parts"]["models"]) == (not handed)
+
+
+class Held(Crew):
+    """A process that takes as long as the test wants."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.go_on = asyncio.Event()
+
+    async def at(self, place: int, function: Any, entries: dict[str, Any], names: Sequence[str], seconds: float) -> dict[str, bytes]:
+        await self.go_on.wait()
+        return await super().at(place, function, entries, names, seconds)
+
+
+def test_the_steady_map_is_left_for_later_where_it_takes_longer_and_is_found_once() -> None:
+    """Of states that a page moves through meanwhile only the newest one's map is found after the first."""
+
+    async def run() -> None:
+        live, slow = Crew(), Held()
+        pools: Any = live, slow
+        made, parts = Views(*pools), ["point", "map"]
+        for load in (1.0, 2.0, 3.0):
+            record = json.loads(await made.find("page", State(load_n_m=load), parts, newest=True, whole=False))
+            assert (set(record["parts"]), record["later"]) == ({"point"}, ["map"])
+        rest = asyncio.create_task(made.find("page", State(load_n_m=3.0), ["map"], newest=True, whole=False))
+        await asyncio.sleep(0)
+        slow.go_on.set()
+        assert set(json.loads(await rest)["parts"]) == {"map"}
+        again = json.loads(await made.find("page", State(load_n_m=3.0), parts, newest=True, whole=False))
+        assert set(again["parts"]) == set(parts)
+        assert len(slow.asked) == 2
+
+    asyncio.run(run())

@@ -11,7 +11,7 @@ from revline.io.json_files import format_compact_json
 from revline.web.answers import answer_parts, answer_promises
 from revline.web.kept import Kept, key_of
 from revline.web.state import State
-from revline.web.turns import Turn
+from revline.web.turns import SupersededError, Turn
 from revline.web.view.build import GROUPS, OF_WORDS, WORDS, check_parts
 from revline.web.view.words import view_words
 from revline.web.workers import Crew, WorkerError
@@ -89,6 +89,7 @@ class Views:
 
     def __init__(self, live: Crew, slow: Crew) -> None:
         self._live, self._slow, self._kept = live, slow, Kept()
+        self._beside: set[asyncio.Task[None]] = set()
 
     async def find(self, client: str, state: State, parts: Sequence[str], *, newest: bool, whole: bool) -> bytes:
         """Find a view, as JSON.
@@ -113,8 +114,7 @@ class Views:
                 wanted.found |= self._kept.find(wanted.keys)  # another client may have asked for the same meanwhile
                 await asyncio.gather(*self._shares(turn, wanted), *self._slow_share(wanted))
         elif wanted.slow:
-            async with self._slow.turns.turn(client, newest=newest) as turn:
-                await self._share(self._slow, turn, turn.places[0], wanted, wanted.slow)
+            await self._find_slow(wanted, newest=newest)
         given, later = wanted.answer()
         body = b",".join(b'"' + name.encode() + b'":' + part for name, part in given.items())
         left = f',"later":{json.dumps(later)}' if later else ""
@@ -132,15 +132,27 @@ class Views:
         return [self._share(self._live, turn, turn.places[0], wanted, names, seconds)]
 
     def _slow_share(self, wanted: Wanted) -> list[Awaitable[None]]:
-        """Parts that take longer, beside the live ones; where others wait for them, they may be left for later."""
+        """Parts that take longer, beside the live ones, which do not wait for them unless all parts are wanted in one answer."""
         if not wanted.slow or not (wanted.whole or self._slow.turns.unused):
             return []
+        if wanted.whole:
+            return [self._find_slow(wanted, newest=False)]
+        task = asyncio.create_task(self._find_slow(wanted, newest=True))
+        self._beside.add(task)
+        task.add_done_callback(self._end)
+        return []
 
-        async def find() -> None:
-            async with self._slow.turns.turn(wanted.client) as turn:
+    def _end(self, task: asyncio.Task[None]) -> None:
+        """Forget what was found beside: it is kept, or its client asked for something newer."""
+        self._beside.discard(task)
+        if not task.cancelled() and not isinstance(task.exception(), SupersededError | None):
+            task.result()
+
+    async def _find_slow(self, wanted: Wanted, *, newest: bool) -> None:
+        async with self._slow.turns.turn(wanted.client, newest=newest) as turn:
+            wanted.found |= self._kept.find(wanted.keys)
+            if wanted.slow:
                 await self._share(self._slow, turn, turn.places[0], wanted, wanted.slow)
-
-        return [find()]
 
     async def _share(self, crew: Crew, turn: Turn, place: int, wanted: Wanted, names: Sequence[str], seconds: float = math.inf) -> None:
         await turn.work(place, self._find(wanted, names, crew.at(place, answer_parts, wanted.entries, list(names), seconds)))
