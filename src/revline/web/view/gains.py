@@ -60,7 +60,7 @@ def view_gains(state: State) -> Mapping[str, Any]:
         "window": {"kp_low": window.kp_low, "kp_high": window.kp_high, "ki_high": window.ki_high},
         "bounded": region.bounded,
         "boundary": _pieces(region),
-        "shade": ["".join("1" if cell else "0" for cell in row) for row in stable],
+        "shade": [row.tobytes().decode("ascii") for row in np.where(stable, b"1", b"0")],
         "kp_intervals_without_integral": [list(ends) for ends in region.kp_ends()],
         "area": {"value": area.value, "error": area.error},
     }
