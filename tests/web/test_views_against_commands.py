@@ -11,9 +11,9 @@ from revline.cli import run
 from revline.io.engine_files import format_engine
 from revline.web.parameters import changed_engine
 from revline.web.state import parse_state
+from tests.web.viewing import view
 
 STATES = 50
-from tests.web.viewing import view
 
 
 def random_states() -> list[dict[str, Any]]:
