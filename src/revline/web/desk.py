@@ -7,7 +7,7 @@ from revline.web.jobs.queue import Jobs
 from revline.web.views import Views
 from revline.web.workers import GIBIBYTE, Crew
 
-BEHIND: Final = 5
+BEHIND: Final = 2
 """Niceness of what takes longer: a processor does first what a page follows each move with."""
 
 
