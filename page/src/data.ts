@@ -2,10 +2,12 @@
 
 import { type Curve, isProblem, Lost, type Problem, Refused } from "./api";
 import { COLORS } from "./colors";
-import { DASHES, NAMES, type Own } from "./drawings";
+import { DASHES, NAMES } from "./curves";
+import type { Line } from "./drawing";
 import { showNumber } from "./export";
 import { element } from "./parts";
-import { type Line, Plot } from "./plot";
+import { Plot } from "./plot";
+import type { Own } from "./responses";
 import type { State } from "./state";
 
 export type FileKind = "response" | "log" | "engine";

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { kindOf, type LogAnswer, linesOf, ownOf } from "../src/data";
-import { drawBode } from "../src/drawings";
+import { drawBode } from "../src/responses";
 
 describe("own files", () => {
   it("are known by name and header", () => {
