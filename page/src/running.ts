@@ -24,6 +24,8 @@ export function drawMap(found: Found, state: State): Drawing | undefined {
     });
     summary += `; a straight line holds from ${low.toFixed(1)} to ${high.toFixed(1)} deg`;
   }
+  // Its place in the legend is kept while it is sought, so that nothing jumps.
+  if (!map.line && !map.no_line) lines.push({ label: "linear range", color: COLORS.range, x: [], y: [], width: 7 });
   lines.push({ label: "steady speed", color: COLORS.engine, x: map.throttle_deg, y: map.speed_rad_s });
   if (map.stable.includes(false)) {
     lines.push({ label: "unstable", color: COLORS.unstable, x: map.throttle_deg, y: unstable, marker: "cross" });
