@@ -12,8 +12,12 @@ export function offerUndo(store: Store): void {
   const undo = need<HTMLButtonElement>("undo");
   const redo = need<HTMLButtonElement>("redo");
   store.subscribe(() => {
+    const held = document.activeElement;
     undo.disabled = !store.canUndo;
     redo.disabled = !store.canRedo;
+    // A button that can do no more gives the focus to the other, so that the keyboard is not lost.
+    if (held === undo && undo.disabled) redo.focus();
+    if (held === redo && redo.disabled) undo.focus();
   });
   undo.addEventListener("click", () => store.undo());
   redo.addEventListener("click", () => store.redo());
@@ -23,6 +27,14 @@ export function offerUndo(store: Store): void {
     event.preventDefault();
     if (event.shiftKey) store.redo();
     else store.undo();
+  });
+}
+
+/** Skip to the plots without a change of the address, which would be read as a link. */
+export function offerSkip(): void {
+  document.querySelector(".skip")?.addEventListener("click", (event) => {
+    event.preventDefault();
+    need("plots").focus();
   });
 }
 

@@ -28,7 +28,7 @@ export class Controls {
     this.updates.push((state) => limits.update(state, this.engine.ownLimit(state)));
     form.append(
       group("Operating point", this.known(), ...POINT.map((spec) => this.number(spec))),
-      group("Controller", this.presets, ...GAINS.map((spec) => this.number(spec)), limits.element),
+      group("Controller", this.presets, ...Object.values(GAINS).map((spec) => this.number(spec)), limits.element),
       group("Step at time 0", this.kinds(), ...STEP.map((spec) => this.number(spec))),
     );
     store.subscribe((state) => this.update(state));

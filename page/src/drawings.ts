@@ -2,13 +2,14 @@
 
 import { type Curve, type Found, isProblem, type Pair } from "./api";
 import { COLORS } from "./colors";
-import { responseNotes, shareFound } from "./notes";
+import { doubtOf, responseNotes, shareFound } from "./notes";
 import type { Drawing, Line } from "./plot";
 import type { State } from "./state";
 
 export const NAMES: Record<string, string> = { g1: "1st order", g2: "2nd order", g2d: "2nd order + delay" };
 const MODELS = ["g1", "g2", "g2d"] as const;
-const DASHES: Record<string, number[]> = { g1: [2, 3], g2: [6, 3], g2d: [9, 3, 2, 3] };
+export const DASHES: Record<(typeof MODELS)[number], number[]> = { g1: [2, 3], g2: [6, 3], g2d: [9, 3, 2, 3] };
+const UNSURE = [1.5, 4];
 
 function whole<T>(part: T | undefined): Exclude<T, { problem: unknown }> | undefined {
   return part === undefined || isProblem(part) ? undefined : (part as Exclude<T, { problem: unknown }>);
@@ -27,9 +28,14 @@ export function rangeOf(values: Iterable<number>, least: number, share = 0.06): 
   return [low - room, high + room];
 }
 
-function model(name: string, x: readonly number[], y: readonly number[]): Line {
-  const dash = DASHES[name];
-  return { label: NAMES[name] ?? name, color: COLORS[name as "g1"], x, y, ...(dash ? { dash } : {}) };
+type Model = (typeof MODELS)[number];
+
+function model(found: Found, name: Model, x: readonly number[], y: readonly number[]): Line {
+  const doubt = doubtOf(found, name);
+  const label = NAMES[name] ?? name;
+  if (doubt === undefined) return { label, color: COLORS[name], x, y, dash: DASHES[name] };
+  const look = { color: COLORS[`${name}_faint`], dash: UNSURE, width: 1.5 };
+  return { ...look, label: `${label}, undetermined`, title: `Its data do not determine it: ${doubt}`, x, y };
 }
 
 export function drawMap(found: Found, state: State): Drawing | undefined {
@@ -78,7 +84,15 @@ export function drawMap(found: Found, state: State): Drawing | undefined {
   return { lines, x: [0, 90], y: [0, rangeOf(map.speed_rad_s, 10)[1]], summary };
 }
 
-export function drawBode(found: Found, which: "magnitude_db" | "phase_deg", own?: Curve): Drawing | undefined {
+/** A response of the user's own, and what was assumed to find it. */
+export type Own = Curve & { note?: string };
+
+/** As far down as a quick engine needs, so that one sees the phase move; and to what was found at sinusoids, where that is further. */
+function phaseRange(found: readonly number[]): [number, number] {
+  return [Math.min(-450, ...found.map((phase) => phase - 20)), Math.max(10, ...found.map((phase) => phase + 20))];
+}
+
+export function drawBode(found: Found, which: "magnitude_db" | "phase_deg", own?: Own): Drawing | undefined {
   const response = whole(found.response);
   if (!response) return undefined;
   const exact = whole(response.exact);
@@ -89,7 +103,7 @@ export function drawBode(found: Found, which: "magnitude_db" | "phase_deg", own?
   const x: [number, number] = [0.1, 200];
   for (const name of MODELS) {
     const curve = models?.[name]?.curve;
-    if (curve) lines.push(model(name, curve.frequency_rad_s, curve[which]));
+    if (curve) lines.push(model(found, name, curve.frequency_rad_s, curve[which]));
   }
   if (exact) {
     lines.push({
@@ -127,14 +141,22 @@ export function drawBode(found: Found, which: "magnitude_db" | "phase_deg", own?
   }
   if (!exact && !balance && !own) return undefined;
   const values = [...(exact?.[which] ?? []), ...(balance?.[which] ?? []), ...(own?.[which] ?? [])];
-  const y = which === "phase_deg" ? ([-450, 10] as [number, number]) : rangeOf(values, 20);
+  const y =
+    which === "phase_deg"
+      ? phaseRange([...(balance?.phase_deg ?? []), ...(own?.phase_deg ?? [])])
+      : rangeOf(values, 20);
   const share = shareFound(responseNotes(found));
+  const unsure = MODELS.filter((name) => doubtOf(found, name)).map((name) => NAMES[name]);
+  const notes = [
+    ...(share ? [`only ${share} found, the models fitted to them`] : []),
+    ...(own?.note ? [own.note] : []),
+  ];
   return {
     lines,
     x,
     y,
-    ...(share ? { note: `only ${share} found, the models fitted to them` } : {}),
-    summary: `${exact ? "exact response and " : ""}${Object.keys(models ?? {}).length} models from 0.1 to 200 rad/s`,
+    ...(notes.length > 0 ? { note: notes.join("; ") } : {}),
+    summary: `${exact ? "exact response and " : ""}${Object.keys(models ?? {}).length} models from 0.1 to 200 rad/s${unsure.length > 0 ? `; undetermined by their data: ${unsure.join(", ")}` : ""}`,
   };
 }
 
@@ -148,7 +170,7 @@ export function drawErrors(found: Found, which: "magnitude_db" | "phase_deg"): D
   for (const name of MODELS) {
     const errors = models[name]?.errors;
     if (!errors) continue;
-    lines.push(model(name, errors.frequency_rad_s, errors[which]));
+    lines.push(model(found, name, errors.frequency_rad_s, errors[which]));
     sizes.push(...errors[which]);
     texts.push(`${NAMES[name]} ${Math.max(...errors[which].map(Math.abs)).toFixed(1)} ${unit}`);
   }
@@ -203,7 +225,9 @@ export function drawRoots(found: Found): Drawing | undefined {
     const entry = models[name];
     if (!entry) continue;
     seen.push(...entry.poles);
-    add(NAMES[name] ?? name, COLORS[name], entry.poles, entry.closed);
+    const sure = doubtOf(found, name) === undefined;
+    const label = `${NAMES[name]}${sure ? "" : ", undetermined"}`;
+    add(label, sure ? COLORS[name] : COLORS[`${name}_faint`], entry.poles, entry.closed);
   }
   const loop = whole(found.loop_roots)?.roots_rad_s;
   add("engine, exact", COLORS.exact, plant, loop);
@@ -305,7 +329,7 @@ export function drawTime(found: Found, state: State, which: "speed_rad_s" | "thr
   const lines: Line[] = [];
   for (const name of MODELS) {
     const trace = whole(whole(found.answers)?.[name]);
-    if (trace?.time_s) lines.push(model(name, trace.time_s, trace[which]));
+    if (trace?.time_s) lines.push(model(found, name, trace.time_s, trace[which]));
   }
   lines.push({ label: "engine", color: COLORS.engine, x: loop.time_s, y: loop[which], width: 2.2 });
   const start = loop[which][0] ?? 0;

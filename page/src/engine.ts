@@ -51,11 +51,15 @@ export class EngineControls {
     const count = element("span", { className: "count" });
     title.append(" ", count);
     const reset = element("button", { type: "button", textContent: "Reset the engine" });
-    reset.addEventListener("click", () => this.store.set({ parameters: {} }));
+    reset.addEventListener("click", () => {
+      this.store.set({ parameters: {} });
+      title.focus(); // the button is gone
+    });
     this.box.replaceChildren(title, this.choice(names), reset);
     let section = "";
     for (const parameter of parameters) {
-      if (parameter.section !== section) this.box.append(element("h3", { textContent: parameter.section }));
+      if (parameter.section !== section)
+        this.box.append(element("h2", { className: "section", textContent: parameter.section }));
       section = parameter.section;
       this.box.append(this.parameter(parameter));
     }
@@ -99,7 +103,7 @@ export class EngineControls {
         now: () => valueIn(store.state),
         position: (value) => Math.round((POSITIONS * (value - low)) / span),
         at: (position) => Number((low + (span * position) / POSITIONS).toPrecision(4)),
-        text: (value) => String(Number(value.toPrecision(8))),
+        text: (value) => String(Number(value.toPrecision(7))),
         step: (value, steps) => Number((value + (5 * steps * span) / POSITIONS).toPrecision(6)),
         move,
         settle: () => store.settle(),
@@ -112,6 +116,7 @@ export class EngineControls {
     reset.addEventListener("click", () => {
       move(parameter.value);
       store.settle();
+      row.querySelector<HTMLInputElement>("input[type=number]")?.focus();
     });
     row.append(reset);
     this.updates.push((state) => {

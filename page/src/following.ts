@@ -37,20 +37,25 @@ export interface Listener {
   slow(seen: Seen): void;
   /** The state, or what was asked about it, is refused. */
   refused(problem: Problem): void;
-  /** The server does not answer, or says why it cannot; it is asked again after so many seconds. */
-  lost(why: string | undefined, wait: number): void;
+  /** No answer came, and why; it is asked for again after so many seconds, 0 for at once. */
+  lost(why: string, wait: number): void;
   /** It answers again. */
   back(): void;
+  /** The page itself failed to show what it was given. */
+  broken(error: unknown): void;
   stage(stage: Stage): void;
 }
 
 export class Following {
   private found: Found = {};
   private shown: State | undefined;
+  /** The state that was asked for last. */
+  private newest: State | undefined;
   private left: readonly PartName[] = [];
   /** What the parts that were found were found for. */
   private readonly keys = new Map<PartName, string>();
   private attempts = 0;
+  private retry: ReturnType<typeof setTimeout> | undefined;
   private resting: ReturnType<typeof setTimeout> | undefined;
 
   constructor(
@@ -79,41 +84,55 @@ export class Following {
 
   /** Find the view of the state as it is now. */
   start(): void {
-    this.live.follow(this.store.state);
+    this.newest = this.store.state;
+    this.live.follow(this.newest);
   }
 
-  /** Follow a state that has moved. */
-  move(state: State): void {
-    if (!this.live.busy && this.shown && same(this.shown, state)) return;
+  /** Follow the state where it has moved. */
+  move(): void {
+    const asked = this.live.busy ? this.newest : this.shown;
+    if (asked && same(asked, this.store.state)) return;
     clearTimeout(this.resting);
     this.listener.stage("busy");
-    this.live.follow(state);
+    this.start();
   }
 
   /** Say what went wrong with a question, and ask again where no answer came. */
   failed(error: unknown): void {
     const busy = error instanceof Refused && error.problem.status === 503;
-    if (error instanceof Refused && !busy) {
-      if (error.problem.status === 409) return;
-      this.shown = undefined;
-      this.listener.refused(error.problem);
-      this.listener.stage("settled");
+    if (busy || error instanceof Lost) {
+      this.askAgain(error);
       return;
     }
-    if (!busy && !(error instanceof Lost)) throw error;
+    if (error instanceof Refused && error.problem.status === 409) return;
+    this.shown = undefined;
+    if (error instanceof Refused) this.listener.refused(error.problem);
+    else this.listener.broken(error);
+    this.listener.stage("settled");
+  }
+
+  /** Ask again later, each time later than before; once for all that was lost meanwhile. */
+  private askAgain(error: Refused | Lost): void {
+    if (this.retry !== undefined) return;
+    const wait =
+      error instanceof Lost && error.soon && this.attempts === 0 ? 0 : Math.min(2 ** (this.attempts + 1), 20);
     this.attempts += 1;
-    const wait = Math.min(2 ** this.attempts, 20);
-    this.listener.lost(busy ? error.problem.detail : undefined, wait);
-    setTimeout(() => {
-      fetchJson("/api/v1/health").then(
-        () => {
-          if (!busy) this.attempts = 0;
-          this.listener.back();
-          this.start();
-        },
-        (again) => this.failed(again),
-      );
+    this.listener.lost(error.message, wait);
+    const retry = setTimeout(async () => {
+      try {
+        await fetchJson("/api/v1/health");
+      } catch (again) {
+        if (this.retry !== retry) return;
+        this.retry = undefined;
+        this.failed(again);
+        return;
+      }
+      if (this.retry !== retry) return;
+      this.retry = undefined;
+      this.listener.back();
+      this.start();
     }, 1000 * wait);
+    this.retry = retry;
   }
 
   private known(part: PartName, state: State): boolean {
@@ -126,26 +145,30 @@ export class Following {
     return parts.length > 0 ? parts : ["words"];
   }
 
-  /** Take in what was found; a part with a problem, and one left for later, is asked for again. */
+  /** Take in what was found; a part with a problem, and one left for later, is asked for again. What belongs to another state is not kept. */
   private take(answer: Found, parts: readonly PartName[], state: State): void {
     for (const part of parts) {
       if (answer[part] === undefined || isProblem(answer[part])) this.keys.delete(part);
       else this.keys.set(part, keyOf(part, state));
     }
-    this.found = { ...this.found, ...answer };
+    const found = { ...this.found, ...answer };
+    for (const part of Object.keys(found) as PartName[]) {
+      if (answer[part] === undefined && !this.known(part, state)) delete found[part];
+    }
+    this.found = found;
   }
 
   private takeLive({ parts: answer, later, asked: parts }: View & { asked: PartName[] }, asked: State): void {
-    for (const part of SLOW) {
-      // What no longer belongs to this state must not be shown with it.
-      if (!this.known(part, asked)) delete this.found[part];
-    }
     this.take(answer, parts, asked);
-    for (const part of later) delete this.found[part];
     this.left = parts.includes("map") || this.known("map", asked) ? later : [...later, "map"];
     this.shown = asked;
     this.attempts = 0;
     this.listener.live(this.seen);
+    if (this.retry !== undefined) {
+      clearTimeout(this.retry);
+      this.retry = undefined;
+      this.listener.back();
+    }
     if (!same(asked, this.store.state)) return;
     if (this.left.length > 0) {
       this.live.follow(asked);
@@ -156,10 +179,11 @@ export class Following {
   }
 
   private takeSlow(answer: Found, asked: { state: State; parts: PartName[] }): void {
-    if (!same(asked.state, this.store.state)) return;
+    const { shown } = this;
+    if (!shown || !same(asked.state, shown) || !same(shown, this.store.state)) return;
     this.take(answer, asked.parts, asked.state);
     this.listener.slow(this.seen);
-    if (this.shown && same(this.shown, this.store.state)) this.listener.stage("settled");
+    this.listener.stage("settled");
   }
 
   private askSlow(): void {

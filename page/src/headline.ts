@@ -17,8 +17,9 @@ export class Headline {
     verdict.className = left.length > 0 && !found.margins ? "" : toneOf(found);
   }
 
-  refuse(): void {
-    this.verdict.textContent = "no view: see the problem at its control";
+  /** Say why there is no view. */
+  refuse(why: string): void {
+    this.verdict.textContent = why;
     this.verdict.className = "bad";
   }
 

@@ -2,7 +2,7 @@
 
 import "uplot/dist/uPlot.min.css";
 import "./style.css";
-import { offerLink, offerStudyFile, offerTheme, offerUndo } from "./actions";
+import { offerLink, offerSkip, offerStudyFile, offerTheme, offerUndo } from "./actions";
 import { followAddress, readAddress } from "./address";
 import { changeJob, fetchJson, type Job, sendFile, startJob } from "./api";
 import { Controls } from "./controls";
@@ -42,6 +42,12 @@ const tour = new Tour(need("guide"), store, (step) => looks.set({ tour: step }))
 let beside: Beside = { controllers: [], own: undefined };
 window.workbench = { state: () => store.state, csv: (name) => plots.csv(name) };
 
+/** Say of all that is shown that it is no longer true. */
+function grey(reason?: string): void {
+  plots.grey(reason);
+  numbers.grey();
+}
+
 /** Draw what was found, and tell its problems at their controls. */
 function draw(): void {
   const { seen } = following;
@@ -63,12 +69,18 @@ const following = new Following(store, {
   refused: ({ control = "", detail }) => {
     controls.remarks.tell(new Map([[control, detail]]));
     if (!controls.remarks.knows(control)) headline.tell(detail);
-    plots.grey(detail);
-    headline.refuse();
+    grey();
+    headline.refuse("no view: see the problem at its control");
   },
-  lost: (why = "The server does not answer", wait) => {
-    plots.grey();
-    headline.tell(`${why}; what is shown is the last it said. Trying again every ${wait} s.`);
+  lost: (why, wait) => {
+    grey();
+    headline.tell(`${why}; what is shown is the last it said. Asking again ${wait > 0 ? `in ${wait} s` : "now"}.`);
+  },
+  broken: (error) => {
+    grey();
+    headline.refuse("no view: the page failed to show it");
+    headline.tell(`The page failed to show what it was given (${error}); what is moved next is asked for anew.`);
+    reportError(error);
   },
   back: () => {
     headline.hush();
@@ -86,11 +98,13 @@ const offers = new Offers(
   (error) => following.failed(error),
 );
 
+offerSkip();
 offerUndo(store);
 followAddress(store, looks, look);
 store.subscribe((state) => {
+  plots.tell(state);
   offers.ask(state.engine);
-  following.move(state);
+  following.move();
 });
 need("tour").addEventListener("click", () => tour.start());
 offerLink(store, looks, (text) => headline.tell(text));
@@ -130,5 +144,6 @@ need("plots").append(...plots.figures, numbers.figure);
 look(read.look);
 if (read.faults.length > 0) headline.tell(read.faults.join("; "));
 controls.update(store.state);
+plots.tell(store.state);
 offers.ask(store.state.engine);
 following.start();

@@ -128,7 +128,7 @@ export function pictureOf(title: string, source: HTMLCanvasElement | null, drawi
     ctx.fillStyle = ink;
     ctx.fillText(legendText(line), left + 24, height(at));
   }
-  if (drawing.note) ctx.fillText(drawing.note, 8, height(row + 1));
+  if (drawing.note) ctx.fillText(drawing.note, 8, height(row + 1), width - 16);
   return canvas;
 }
 

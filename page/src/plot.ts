@@ -179,7 +179,7 @@ export class Plot {
         },
         axes: [
           { ...axis(axisText(x)), size: 22 },
-          { ...axis(axisText(y)), size: 44 },
+          { ...axis(axisText(y)), size: 44, space: 22 },
         ],
         series: [{}, { show: true, stroke: "transparent", points: { show: false }, paths: () => null }],
         hooks: {

@@ -1,27 +1,41 @@
 /** The plots of the page: what each is called, what it is drawn from, and which are drawn again when something is new. */
 
-import type { Curve, Found, PartName } from "./api";
-import { drawBode, drawDistortion, drawErrors, drawMap, drawPlane, drawRoots, drawTime, type Named } from "./drawings";
+import type { Found, PartName } from "./api";
+import {
+  drawBode,
+  drawDistortion,
+  drawErrors,
+  drawMap,
+  drawPlane,
+  drawRoots,
+  drawTime,
+  type Named,
+  type Own,
+} from "./drawings";
 import type { Seen } from "./following";
 import { Reads } from "./needs";
 import { type DragPhase, type Drawing, Plot, type PlotOptions } from "./plot";
 import { problemOf, within } from "./problems";
+import { GAINS, stepped } from "./scales";
 import type { State } from "./state";
+import { Handle, type Steering } from "./steer";
 
 /** What is drawn beside the view: controllers that are known by name, and a response of the user's own. */
 export interface Beside {
   controllers: readonly Named[];
-  own: Curve | undefined;
+  own: Own | undefined;
 }
 
 interface Kind {
   options: PlotOptions;
   draw: (found: Found, state: State, beside: Beside) => Drawing | undefined;
   parts: readonly PartName[];
+  steering?: Steering;
 }
 
 interface Placed extends Kind {
   plot: Plot;
+  handle?: Handle | undefined;
   /** What the drawing that is shown was made of. */
   from?: { found: Reads<Found>; state: Reads<State>; beside: Reads<Beside> } | undefined;
 }
@@ -30,6 +44,10 @@ export type Drag = (patch: Partial<State>, phase: DragPhase) => void;
 
 const frequency = { label: "frequency", unit: "rad/s", log: true };
 const seconds = { label: "time", unit: "s" };
+
+function throttleAt(angle: number): number {
+  return Number(Math.min(Math.max(angle, 0.1), 90).toFixed(1));
+}
 
 function kinds(drag: Drag): Kind[] {
   return [
@@ -40,10 +58,21 @@ function kinds(drag: Drag): Kind[] {
         x: { label: "throttle", unit: "deg" },
         y: { label: "speed", unit: "rad/s" },
         hint: "Drag to move the operating point",
-        drag: (x, _, phase) => drag({ throttle_deg: Number(Math.min(Math.max(x, 0.1), 90).toFixed(1)) }, phase),
+        drag: (x, _, phase) => drag({ throttle_deg: throttleAt(x) }, phase),
       },
       draw: drawMap,
       parts: ["map", "point"],
+      steering: {
+        label: "Operating point on the steady map, moved by the arrow keys, ten steps at once with Shift",
+        tell: ({ throttle_deg: throttle, speed_rad_s: speed = 0 }) =>
+          throttle === undefined
+            ? { now: speed, low: 0, high: 1000, text: `speed ${speed} rad/s` }
+            : { now: throttle, low: 0, high: 90, text: `throttle ${throttle} deg` },
+        move: ({ throttle_deg: throttle, speed_rad_s: speed = 0 }, right, up) =>
+          throttle === undefined
+            ? { speed_rad_s: Number(Math.max(speed + right + up, 1).toFixed(1)) }
+            : { throttle_deg: throttleAt(throttle + 0.1 * (right + up)) },
+      },
     },
     {
       options: { id: "magnitude", title: "Magnitude", x: frequency, y: { label: "gain", unit: "dB" } },
@@ -66,6 +95,14 @@ function kinds(drag: Drag): Kind[] {
       },
       draw: (found, state, { controllers }) => drawPlane(found, state, controllers),
       parts: ["gains"],
+      steering: {
+        label: "Gains kp (left, right) and ki (up, down), moved by the arrow keys, ten steps at once with Shift",
+        tell: ({ kp, ki }) => ({ now: kp, low: 0, high: 30, text: `kp ${kp}, ki ${ki}` }),
+        move: ({ kp, ki }, right, up) => ({
+          kp: stepped(kp, right, GAINS.kp),
+          ki: Math.max(stepped(ki, up, GAINS.ki), 0),
+        }),
+      },
     },
     {
       options: { id: "magnitude-error", title: "Magnitude errors", x: frequency, y: { label: "error", unit: "dB" } },
@@ -109,7 +146,12 @@ export class Plots {
   private readonly placed: readonly Placed[];
 
   constructor(drag: Drag) {
-    this.placed = kinds(drag).map((kind) => ({ ...kind, plot: new Plot(kind.options) }));
+    this.placed = kinds(drag).map((kind) => ({
+      ...kind,
+      plot: new Plot(kind.options),
+      handle: kind.steering && new Handle(kind.steering, drag),
+    }));
+    for (const { plot, handle } of this.placed) if (handle) plot.figure.append(handle.element);
   }
 
   get figures(): HTMLElement[] {
@@ -118,6 +160,11 @@ export class Plots {
 
   csv(name: string): string {
     return this.placed.find(({ options }) => options.id === name)?.plot.csv() ?? "";
+  }
+
+  /** Tell what can be moved where it stands now, before anything is drawn. */
+  tell(state: State): void {
+    for (const { handle } of this.placed) handle?.show(state);
   }
 
   /** Draw what is made of something new. */

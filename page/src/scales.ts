@@ -36,11 +36,11 @@ export const POINT: Spec[] = [
   { key: "load_n_m", label: "Load", unit: "N m", low: -10, high: 80, step: 0.5 },
   { key: "amplitude_deg", label: "Amplitude", unit: "deg", low: 0.1, high: 20, step: 0.1 },
 ];
-export const GAINS: Spec[] = [
-  { key: "kp", label: "kp", unit: "deg/(rad/s)", low: 0, high: 30, step: 0.001, least: 0.01 },
-  { key: "ki", label: "ki", unit: "deg/(rad/s)/s", low: 0, high: 300, step: 0.001, least: 0.05 },
-  { key: "kd", label: "kd", unit: "deg/(rad/s²)", low: 0, high: 1, step: 0.0001, least: 0.001 },
-];
+export const GAINS = {
+  kp: { key: "kp", label: "kp", unit: "deg/(rad/s)", low: 0, high: 30, step: 0.001, least: 0.01 },
+  ki: { key: "ki", label: "ki", unit: "deg/(rad/s)/s", low: 0, high: 300, step: 0.001, least: 0.05 },
+  kd: { key: "kd", label: "kd", unit: "deg/(rad/s²)", low: 0, high: 1, step: 0.0001, least: 0.001 },
+} satisfies Record<string, Spec>;
 export const STEP: Spec[] = [
   {
     key: "command_rad_s",

@@ -210,3 +210,16 @@ def test_a_phase_that_only_just_passes_180_degrees_has_both_its_crossovers(zero:
     middle = 0.5 * (pole - zero)
     spread = math.sqrt(middle**2 - zero * pole)
     assert found == pytest.approx([middle - spread, middle + spread], rel=1e-8)
+
+
+def test_of_many_peaks_of_nearly_one_height_the_highest_is_told() -> None:
+    """A resonance in the turns of a long delay: the eight largest points all lay beside lower peaks, and Ms was a fifth too small."""
+    resonance, quality, gain, lift, delay = 22.1953, 0.0217, 0.9202, 1.0813, 15.3288
+    poles = np.poly1d([1.0 / resonance**2, 2.0 * quality / resonance, 1.0]) * np.poly1d([0.0076, 1.0]) ** 4
+    numerator = gain * np.array([1.0, 2.0 * quality * lift / resonance, 1.0 / resonance**2])
+    plant = TransferFunction(numerator=tuple(numerator), denominator=tuple(poles.coefficients[::-1]), delay=delay)
+    loop = open_loop_of_model(plant, pid(1.0))
+    values = loop.transfer(1j * np.linspace(0.6, 1.4, 400_001) * resonance)
+    found = find_margins(loop)
+    assert float(np.max(1.0 / np.abs(1.0 + values))) <= found.sensitivity.value * (1.0 + 1e-9)
+    assert float(np.max(np.abs(values / (1.0 + values)))) <= found.complementary.value * (1.0 + 1e-9)

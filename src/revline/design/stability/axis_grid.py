@@ -34,9 +34,6 @@ MOST_POINTS = 400_000
 ROUNDING = 1e-12
 """A function of size 1 that passes 0 by no more than this between neighbours has not passed it for certain."""
 
-MOST_PEAKS = 8
-"""So many of the largest points of a grid are improved, each between its neighbours."""
-
 
 class Followed(NamedTuple):
     """Frequencies in rad/s, shape (n,), and the values of some functions there, shape (functions, n)."""
@@ -104,7 +101,7 @@ def roots_between(function: Callable[[Floats], Floats], grid: Floats, values: Fl
 
 
 def highest(function: Callable[[Floats], Floats], grid: Floats, sizes: Floats) -> tuple[float, float]:
-    """Find the largest value of a real function over a grid, improved between the neighbours of its largest points.
+    """Find the largest value of a real function over a grid, improved between the neighbours of each point at which it peaks.
 
     Args:
         function: frequencies of shape (n,) to values of shape (n,).
@@ -200,9 +197,8 @@ def _towards_zero(k: int, sizes: Floats) -> _Extremes:
 
 
 def _largest(k: int, sizes: Floats) -> _Extremes:
-    """Where a function is largest, as far as the grid shows."""
+    """Where a function peaks, as far as the grid shows: of peaks of nearly one height the grid does not tell the highest."""
     at = np.flatnonzero((sizes[1:-1] >= sizes[:-2]) & (sizes[1:-1] >= sizes[2:])) + 1
-    at = at[np.argsort(-sizes[at])][:MOST_PEAKS]
     return _Extremes(np.full(at.size, k), at, np.full(at.size, -1.0))
 
 
