@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from revline.analysis import steady_map
+from revline.analysis import steady_map, trim_branches
 from revline.analysis.linearize import linearize
 from revline.analysis.steady_map import SteadyMap, find_steady_map
 from revline.analysis.trim import Trim, find_trim
-from revline.analysis.trim_branches import follow_each
+from revline.analysis.trim_branches import find_rests_along, follow_each
 from revline.engine.lee1995 import LEE_1995, lee1995
 from revline.errors import InvalidInputError, NoTrimError
 from revline.system import DelaySystem, Floats
@@ -199,3 +199,14 @@ def test_map_checks_itself(engine_map: SteadyMap) -> None:
         replace(engine_map, values=np.array([1.0, 2.0]))
     with pytest.raises(ValueError, match="read-only"):
         engine_map.values[0] = 0.0
+
+
+def test_a_branch_is_followed_both_ways_over_many_values(cubic: DelaySystem, monkeypatch: pytest.MonkeyPatch) -> None:
+    """x^3 - x = u has three roots where |u| < 0.385: of one start each, a value finds one, and the others through its neighbours."""
+    monkeypatch.setattr(trim_branches, "STARTS", 1)
+    forces = np.linspace(-1.0, 1.0, 41)
+    for force, rests in zip(forces, find_rests_along(cubic, [{"force": float(force)} for force in forces]), strict=True):
+        roots = np.roots([1.0, 0.0, -1.0, -force])
+        outer = np.sort([z.real for z in roots if abs(z.imag) < 1e-9 and abs(z.real) > 1.0 / np.sqrt(3.0)])
+        states = np.array([trim.state("position") for trim in rests.candidates])
+        assert np.max(np.min(np.abs(outer[:, None] - states), axis=1)) < 1e-6

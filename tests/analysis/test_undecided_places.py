@@ -109,7 +109,7 @@ def test_an_end_among_undecided_places_is_not_enclosed_closer_than_it_is_known()
     """Steady states go on to 3 N, where x leaves its search range; between 2 and 3 N nothing is known of their stability."""
     system = follower(
         states=(replace(follower().states[0], search_high=3.0),),
-        lags=lambda p, x, u, zd: (np.maximum((u[0] - 2.0) * (u[0] - 3.0), 0.0),),  # noqa: ARG005
+        lags=lambda p, x, u, zd: (np.maximum((u[0] - 2.0) * (u[0] - 3.0), 0.0),),  # noqa: ARG005 - the form of all equations
     )
     for values in ((0.0, 1.0, 2.5, 4.0), (0.0, 1.0, 4.0)):
         found = mapped(system, values)
