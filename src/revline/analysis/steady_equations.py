@@ -38,6 +38,9 @@ FEW = 16
 NEARLY = 0.99
 """A step that would cross a limit goes this part of the way to it. Source: Nocedal and Wright (2006), chapter 19."""
 
+AT_ONCE = 512
+"""So many searches go on together at most, which bounds the memory that they take."""
+
 DECREASE = 1e-4
 """A step counts when it takes this part of itself off the misses."""
 
@@ -288,6 +291,11 @@ def solve_steady_each(equations: SteadyEquations, known: Floats, starts: Sequenc
     Returns:
         For each row of inputs all distinct solutions reached.
     """
+    parts = [slice(first, first + AT_ONCE) for first in range(0, len(starts), AT_ONCE)]
+    return tuple(search for part in parts for search in _solve_part(equations, known[part], starts[part]))
+
+
+def _solve_part(equations: SteadyEquations, known: Floats, starts: Sequence[Floats]) -> list[Search]:
     ends = np.cumsum([len(rows) for rows in starts])
     owners = np.repeat(np.arange(len(starts)), np.diff(ends, prepend=0))
     begun, given = np.concatenate(starts), known[owners] if len(known) > 1 else None
@@ -308,8 +316,8 @@ def solve_steady_each(equations: SteadyEquations, known: Floats, starts: Sequenc
         own, kept = points[first:last], isolated[first:last]
         solutions = _distinct(own[kept], equations.scales)
         whole = bool(np.array_equal(kept, solved[first:last]))
-        found.append(Search(solutions=solutions, closest=own[int(np.argmin(misses[first:last]))], isolated=whole))
-    return tuple(found)
+        found.append(Search(solutions=solutions, closest=own[int(np.argmin(misses[first:last]))].copy(), isolated=whole))
+    return found
 
 
 def _newton(equations: SteadyEquations, starts: Floats, known: Floats | None) -> Floats:

@@ -200,6 +200,9 @@ def _checked_values(sweep: Variable, values: ArrayLike) -> Floats:
     if grid.ndim != 1 or grid.size < 2:
         message = f"values of {sweep.name} have shape {grid.shape}; give a list of at least two"
         raise InvalidInputError(message)
+    if not np.isfinite(grid).all():
+        message = f"values of {sweep.name} hold {grid[~np.isfinite(grid)][0]:g}; give finite ones"
+        raise InvalidInputError(message)
     if not np.all(np.diff(grid) > 0.0):
         message = f"values of {sweep.name} do not rise strictly; sort them and give each once"
         raise InvalidInputError(message)

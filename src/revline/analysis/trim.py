@@ -11,7 +11,7 @@ import numpy as np
 
 from revline.analysis.jacobians import evaluate, find_jacobians, settle_channels
 from revline.analysis.linearize import DRIFT_LIMIT, build_model, rate_unit, search_scale
-from revline.analysis.steady_equations import Search, SteadyEquations, Target, solve_steady
+from revline.analysis.steady_equations import AT_ONCE, Search, SteadyEquations, Target, solve_steady
 from revline.analysis.trim_refusals import LeftOut, find_outside, no_trim
 from revline.errors import InvalidInputError, RevlineError
 from revline.lti.root_batches import characteristic_roots_each
@@ -192,7 +192,12 @@ def judge_each(equations: Sequence[SteadyEquations], searches: Sequence[Search])
     places = [(k, unknowns) for k, search in enumerate(searches) for unknowns in search.solutions]
     outside = [find_outside(equations[k], unknowns) for k, unknowns in places]
     wanted = [j for j, entry in enumerate(outside) if not (isinstance(entry, LeftOut) and entry.longest_lag > LONGEST_JUDGED)]
-    built = dict(zip(wanted, _build_each([(equations[places[j][0]], places[j][1]) for j in wanted]), strict=True))
+    parts = (wanted[first : first + AT_ONCE] for first in range(0, len(wanted), AT_ONCE))
+    built = {
+        j: trim
+        for part in parts
+        for j, trim in zip(part, _build_each([(equations[places[j][0]], places[j][1]) for j in part]), strict=True)
+    }
     found: list[tuple[list[Trim], list[LeftOut], list[RevlineError]]] = [([], [], []) for _ in searches]
     for j, (k, _) in enumerate(places):
         entry, trim = outside[j], built.get(j)
@@ -253,8 +258,6 @@ def _judged(entry: LeftOut, trim: Trim) -> LeftOut:
 
 def _build_each(places: Sequence[tuple[SteadyEquations, Floats]]) -> list[Trim | RevlineError]:
     """Make a trim of each solution, or the error why it is none."""
-    if not places:
-        return []
     system = places[0][0].system
     split = [equations.split(unknowns) for equations, unknowns in places]
     x, u = (np.array([pair[k] for pair in split]) for k in range(2))
