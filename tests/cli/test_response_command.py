@@ -262,7 +262,8 @@ def test_a_frequency_without_an_orbit_leaves_the_others_and_says_so(revline: Com
     record = json.loads(done.out)
     assert [row["frequency_rad_s"] for row in record["frequency_response"]] == [0.1, 50.0]
     assert (record["partial"], record["missing"][0]["frequency_rad_s"], record["cross_check"]["agreed"]) == (True, 2.0, True)
-    assert "the response is partial: 2 of 3 frequencies are finished; missing: 2 rad/s (" in done.err
+    assert "the response is partial: 2 of 3 frequencies are finished with 5 deg, each of them has an answer up to 3." in done.err
+    assert " deg; missing: 2 rad/s (" in done.err
     assert "# partial: 2 of 3 frequencies are finished" in path.read_text()
 
 

@@ -145,6 +145,88 @@ def test_who_goes_while_waiting_is_forgotten() -> None:
     run(test)
 
 
+def test_a_newer_view_is_answered_where_an_older_one_s_connection_closes_at_the_same_moment() -> None:
+    async def test() -> None:
+        hand = Hand()
+        first, older = hand.take("x"), hand.take("a", "older", newest=True)
+        await pause()
+        newer = hand.take("a", "newer", newest=True)  # its turn of the loop comes first ...
+        older.cancel()  # ... and the older one's afterwards
+        await pause()
+        await hand.go("x")
+        await hand.go("newer")
+        assert hand.names == ["x", "newer"]
+        assert list(await asyncio.gather(first, newer)) == [0, 0]
+        assert older.cancelled()
+        assert (hand.turns.clients, hand.turns.unused) == (0, 1)
+
+    run(test)
+
+
+@pytest.mark.parametrize("given", [False, True])
+def test_who_goes_at_the_moment_of_its_turn_leaves_it_to_the_next(given: bool) -> None:  # noqa: FBT001 - a parameter of a test
+    async def test() -> None:
+        hand = Hand()
+        first, gone, last = hand.take("x"), hand.take("a"), hand.take("b")
+        await pause()
+        hand.holds["x"].set()
+        if given:
+            await asyncio.sleep(0)  # x ends its turn: a has it, and does not know yet
+        gone.cancel()
+        await pause()
+        assert hand.names == ["x", "b"]
+        await hand.go("b")
+        await asyncio.gather(first, last)
+        assert gone.cancelled()
+        assert (hand.turns.clients, hand.turns.unused) == (0, 1)
+
+    run(test)
+
+
+def test_a_client_whose_place_is_taken_for_long_is_passed_over_a_few_times_only() -> None:
+    async def test() -> None:
+        hand = Hand(2)
+        for place, client in ((0, "near"), (1, "w"), (0, "o1"), (0, "o2"), (0, "o3")):  # each at home at its place
+            held = [hand.take("x")] if place else []
+            await pause()
+            task = hand.take(client)
+            await pause()
+            assert hand.order[-1] == (client, place)
+            for name in (client, *("x" for _ in held)):
+                await hand.go(name)
+            await asyncio.gather(task, *held)
+        tasks = [hand.take(name) for name in ("near", "far", "w", "o1", "o2", "o3")]
+        await pause()
+        assert hand.order[-2:] == [("near", 0), ("far", 1)]  # far keeps the place that w knows
+        for name in ("near", "o1", "o2", "w", "o3"):
+            await hand.go(name)
+        assert hand.order[-4:] == [("o1", 0), ("o2", 0), ("w", 0), ("o3", 0)]
+        await hand.go("far")
+        await asyncio.gather(*tasks)
+
+    run(test)
+
+
+def test_where_clients_worked_is_remembered_of_the_last_ones_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(turns_module, "HOMES", 2)
+
+    async def test() -> list[int]:
+        hand = Hand(2)
+        places = []
+        for name in ("x", "a", "b", "a", "c", "a", "d", "e", "a"):  # x keeps the first place until a knows the second
+            task = hand.take(name)
+            await pause()
+            places.append(hand.order[-1][1])
+            if name != "x":
+                await hand.go(name)
+                await task
+            if len(places) == 2:
+                await hand.go("x")
+        return places
+
+    assert run(test) == [0, 1, 0, 1, 0, 1, 0, 0, 0]  # a, after two others, is as new
+
+
 @pytest.mark.parametrize("lasting", [False, True])
 def test_who_goes_while_a_process_works_gives_its_place_back_once_that_has_ended(lasting: bool, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: FBT001 - a parameter of a test
     monkeypatch.setattr(turns_module, "PATIENCE", 0.05)

@@ -2,6 +2,7 @@
 
 import json
 import random
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -157,6 +158,17 @@ def test_a_part_that_fails_leaves_the_others_whole() -> None:
     assert found["response"]["exact"]["magnitude_db"]
     assert found["margins"]["stable"] is True
     assert found["words"]["verdict"].startswith("stable, gain margin 3.5 dB")
+
+
+def test_a_sinusoid_that_stalls_the_engine_is_answered_in_part_and_the_amplitude_that_would_do_is_told() -> None:
+    response = view({"throttle_deg": 10.0, "amplitude_deg": 9.0}, "response")["response"]
+    note = next(note for note in response["harmonic_balance"]["notes"] if "; missing: " in note)
+    found = re.match(
+        r"15 of 42 frequencies are finished with 9 deg, each of them has an answer up to (\d\.\d+) deg; missing: 0.01 rad/s", note
+    )
+    assert found is not None
+    whole = view({"throttle_deg": 10.0, "amplitude_deg": float(found[1])}, "response")["response"]["harmonic_balance"]
+    assert len(whole["frequency_rad_s"]) == 42
 
 
 @pytest.mark.parametrize(

@@ -1,19 +1,19 @@
 """Harmonic balance at many frequencies in batches, keeping what is found where a frequency has no answer or the whole is interrupted."""
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from revline.analysis.harmonic_balance import BalanceSettings, HarmonicBalance, balance_harmonics
+from revline.analysis.harmonic_balance import BalanceSettings, HarmonicBalance, balance_each, excited_case
 from revline.analysis.linearize import linearize
-from revline.analysis.periodic import Excitation, check_excitation
+from revline.analysis.periodic import Excitation
 from revline.analysis.phase_turns import read_turns
 from revline.analysis.sinestream import MissingAnswer
 from revline.analysis.threads import Progress
 from revline.analysis.trim import Trim
-from revline.errors import AnalysisError, out_of_range
+from revline.errors import RevlineError, out_of_range
 from revline.lti.response import check_frequencies
 from revline.system import DelaySystem, Floats
 
@@ -28,16 +28,20 @@ class PartialBalance:
     Attributes:
         finished: the answers at the frequencies that have one.
         missing: the others.
+        reach: amplitude up to which an orbit was found at each of these too; none where one of them was not tried.
     """
 
     finished: HarmonicBalance
     missing: tuple[MissingAnswer, ...]
+    reach: float | None = None
 
     def __str__(self) -> str:
         """Say what is missing, and why."""
         count = self.finished.omega.size
         missing = "; ".join(f"{entry.omega:g} rad/s ({entry.reason})" for entry in self.missing)
-        return f"{count} of {count + len(self.missing)} frequencies are finished; missing: {missing}"
+        asked, unit = self.finished.excitation.amplitude, self.finished.moved.unit
+        reach = "" if self.reach is None else f" with {asked:g} {unit}, each of them has an answer up to {self.reach:.4g} {unit}"
+        return f"{count} of {count + len(self.missing)} frequencies are finished{reach}; missing: {missing}"
 
 
 def attempt_balance(
@@ -69,18 +73,16 @@ def attempt_balance(
     omega = check_frequencies(frequencies)
     if omega[0] == 0.0:
         raise out_of_range("frequency", 0.0, "rad/s", "values above 0", "ask for the steady map instead")
-    check_excitation(system, trim, excitation)
+    case = replace(excited_case(system, trim, excitation, settings or BalanceSettings()), seek_limits=True)
     parts: list[HarmonicBalance] = []
-    failures: list[tuple[float, AnalysisError | KeyboardInterrupt]] = []
+    failures: list[tuple[float, RevlineError | KeyboardInterrupt]] = []
     done = 0
     try:
         for batch in np.array_split(omega, -(-omega.size // BATCH)):
-            for part, found in _take(system, trim, excitation, batch, settings):
-                if isinstance(found, AnalysisError):
-                    failures.append((float(part[0]), found))
-                else:
-                    parts.append(found)
-                done += part.size
+            found, refusals = balance_each(case, trim, batch)
+            parts += [] if found is None else [found]
+            failures += [(float(batch[row]), refusals[row]) for row in sorted(refusals)]
+            done += batch.size
             if progress is not None:
                 progress(done / omega.size)
     except KeyboardInterrupt as interruption:
@@ -90,21 +92,15 @@ def attempt_balance(
     whole = _merge(system, trim, parts)
     if not failures:
         return whole
-    return PartialBalance(finished=whole, missing=tuple(MissingAnswer(w, str(error) or "interrupted") for w, error in failures))
+    missing = tuple(MissingAnswer(w, str(error) or "interrupted") for w, error in failures)
+    return PartialBalance(finished=whole, missing=missing, reach=_reach([error for _, error in failures]))
 
 
-def _take(
-    system: DelaySystem, trim: Trim, excitation: Excitation, batch: Floats, settings: BalanceSettings | None
-) -> Iterator[tuple[Floats, HarmonicBalance | AnalysisError]]:
-    """Balance a batch at once, or, where one of its frequencies fails, each by itself."""
-    try:
-        yield batch, balance_harmonics(system, trim, excitation, batch, settings=settings)
-    except AnalysisError as error:
-        if batch.size == 1:
-            yield batch, error
-            return
-        for k in range(batch.size):
-            yield from _take(system, trim, excitation, batch[k : k + 1], settings)
+def _reach(errors: Sequence[BaseException]) -> float | None:
+    """The amplitude that all refusals tell an orbit up to."""
+    reached = [error.details.get("amplitude") for error in errors if isinstance(error, RevlineError)]
+    known = [amplitude for amplitude in reached if isinstance(amplitude, float)]
+    return min(known) if len(known) == len(errors) else None
 
 
 def _merge(system: DelaySystem, trim: Trim, parts: list[HarmonicBalance]) -> HarmonicBalance:

@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from revline.analysis.collocation import Collocation, collocation
 from revline.analysis.jacobians import evaluate
 from revline.analysis.orbit_equations import OrbitEquations, Orbits, Positions
+from revline.analysis.orbit_following import follow_amplitudes
 from revline.analysis.orbit_levels import LevelSolver, approach, make_level_solver, transfer_between
-from revline.analysis.orbit_newton import follow_amplitude, linear_orbits, solve_orbits
-from revline.analysis.orbit_refusals import ForcedCase, Refusals, no_fundamental, not_found, refuse_orbits
+from revline.analysis.orbit_newton import linear_orbits, solve_orbits
+from revline.analysis.orbit_refusals import ForcedCase, Refusals, no_fundamental, refuse_orbits
 from revline.lti.response import Complexes
 from revline.system import Floats, index_of
 from revline.values import make_read_only
@@ -203,13 +204,15 @@ def _find(case: ForcedCase, mesh: Collocation, ahead: _Ahead) -> tuple[Orbits, F
     if rest.size:
         solved = solve_orbits(equations, orbits.take(rest), tolerance=tolerance)
         orbits, last_step[rest], failed[rest] = orbits.with_part(rest, solved.orbits), solved.last_step, ~solved.found
-    missing: Refusals = {}
-    for row in np.flatnonzero(failed | ~equations.inside(orbits)):
-        followed, reached = follow_amplitude(equations, case.drive.take(np.array([row])), tolerance=tolerance)
-        if reached < 1.0:
-            missing[int(row)] = not_found(case, int(row), reached)
-        orbits, last_step[row] = orbits.with_part(np.array([row]), followed.orbits), followed.last_step[0]
-    return orbits, last_step, missing
+    failed |= ~equations.inside(orbits)
+    if case.seek_limits:
+        failed[list(refuse_orbits(case, mesh, orbits))] = True
+    rows = np.flatnonzero(failed)
+    if not rows.size:
+        return orbits, last_step, {}
+    followed = follow_amplitudes(_take(case, rows), mesh)
+    last_step[rows] = followed.last_step
+    return orbits.with_part(rows, followed.orbits), last_step, {int(rows[k]): error for k, error in followed.missing.items()}
 
 
 def _read(case: ForcedCase, mesh: Collocation, orbits: Orbits) -> tuple[_Answers, Refusals]:

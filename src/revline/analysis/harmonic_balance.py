@@ -16,7 +16,7 @@ from revline.analysis.forced_orbits import FIRST_HARMONICS, OrbitBatch, find_orb
 from revline.analysis.jacobians import find_jacobians
 from revline.analysis.linearize import build_model
 from revline.analysis.orbit_newton import Drive
-from revline.analysis.orbit_refusals import ForcedCase
+from revline.analysis.orbit_refusals import ForcedCase, Refusals
 from revline.analysis.periodic import Excitation, check_excitation
 from revline.analysis.phase_turns import SineReading, read_turns
 from revline.analysis.trim import Trim
@@ -178,31 +178,51 @@ def balance_harmonics(
     if omega[0] == 0.0:
         raise out_of_range("frequency", 0.0, "rad/s", "values above 0", "ask for the steady map instead")
     empty = excited_case(system, trim, excitation, settings or BalanceSettings())
-    drive = replace(empty.drive, amplitude=np.full(omega.size, excitation.amplitude), omega=omega)
+    found, refusals = balance_each(empty, trim, omega)
+    if found is None or refusals:
+        raise refusals[min(refusals)]
+    return found
+
+
+def balance_each(empty: ForcedCase, trim: Trim, omega: Floats) -> tuple[HarmonicBalance | None, Refusals]:
+    """Find the periodic answers at some frequencies, and keep those of the others where one is refused.
+
+    Args:
+        empty: the question, without sinusoids.
+        trim: about which they are.
+        omega: frequencies in rad/s, above 0, strictly rising.
+
+    Returns:
+        The answers that there are, if any, and why there is none at the other frequencies, by their positions.
+    """
+    drive = replace(empty.drive, amplitude=np.full(omega.size, empty.excitation.amplitude), omega=omega)
     case = replace(empty, drive=drive)
     found = find_orbits(case)
-    if found.refusals:
-        raise found.refusals[min(found.refusals)]
-    guide = case.model.response(omega, excitation.input_name, excitation.output_name)
-    fundamental = read_turns(found.values, guide, case.model)
-    rough = np.flatnonzero(found.error > case.tolerance)
-    described = (_describe_error(float(omega[k]), int(found.highest[k]), float(found.error[k]), case.tolerance) for k in rough)
-    return HarmonicBalance(
-        system=system.name,
-        excitation=excitation,
-        moved=system.inputs[drive.position],
-        watched=system.outputs[index_of(system.outputs, excitation.output_name)],
-        rest=trim.output(excitation.output_name),
+    kept = np.array([row for row in range(omega.size) if row not in found.refusals], dtype=np.int64)
+    if not kept.size:
+        return None, found.refusals
+    omega, error, highest = omega[kept], found.error[kept], found.highest[kept]
+    names = (case.excitation.input_name, case.excitation.output_name)
+    fundamental = read_turns(found.values[kept], case.model.response(omega, *names), case.model)
+    rough = np.flatnonzero(error > case.tolerance)
+    described = (_describe_error(float(omega[k]), int(highest[k]), float(error[k]), case.tolerance) for k in rough)
+    balance = HarmonicBalance(
+        system=case.system.name,
+        excitation=case.excitation,
+        moved=case.system.inputs[drive.position],
+        watched=case.system.outputs[index_of(case.system.outputs, names[1])],
+        rest=trim.output(names[1]),
         omega=omega,
         fundamental=fundamental,
-        harmonics=found.listed,
-        distortion=found.distortion,
-        mean=found.mean,
-        error=found.error,
-        last_step=found.last_step,
-        batches=tuple(found.batches),
+        harmonics=found.listed[kept],
+        distortion=found.distortion[kept],
+        mean=found.mean[kept],
+        error=error,
+        last_step=found.last_step[kept],
+        batches=tuple(replace(batch, rows=np.searchsorted(kept, batch.rows)) for batch in found.batches),
         notes=(*fundamental.notes, *described),
     )
+    return balance, found.refusals
 
 
 def excited_case(system: DelaySystem, trim: Trim, excitation: Excitation, settings: BalanceSettings) -> ForcedCase:

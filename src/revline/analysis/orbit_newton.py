@@ -1,4 +1,4 @@
-"""Newton's method on whole periodic orbits, many at once, from the linear answer on; with continuation in amplitude where that fails.
+"""Newton's method on whole periodic orbits, many at once, from the linear answer on.
 
 The Jacobian is exact; it is kept as long as each step is much smaller than the one before. A step is shortened until the one that
 would follow it is smaller.
@@ -30,9 +30,6 @@ QUICK = 0.2
 ROUNDING = 1e-14
 """What rounding leaves of a step, as a part of a state's largest value."""
 
-SHORTEST_RISE = 2.0**-9
-"""Smallest rise of the amplitude in its continuation, as a part of the amplitude."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Drive:
@@ -54,10 +51,10 @@ class Drive:
         """Give some of the sinusoids."""
         return replace(self, amplitude=self.amplitude[which], omega=self.omega[which])
 
-    def inputs(self, mesh: Collocation, part: float = 1.0) -> Floats:
-        """Samples of all inputs over a period, with a part of the amplitude; shape (n, N, n_inputs)."""
+    def inputs(self, mesh: Collocation, part: float | Floats = 1.0) -> Floats:
+        """Samples of all inputs over a period, with a part of each amplitude; shape (n, N, n_inputs)."""
         values = np.tile(self.trim.inputs, (self.omega.size, mesh.count, 1))
-        values[:, :, self.position] += part * self.amplitude[:, None] * np.sin(mesh.phases)
+        values[:, :, self.position] += (part * self.amplitude)[:, None] * np.sin(mesh.phases)
         return values
 
 
@@ -134,40 +131,6 @@ def solve_orbits(equations: OrbitEquations, start: Orbits, *, tolerance: float) 
         keep = bool(np.all(trial.ratio[stay] <= QUICK))
         solver = solver.take(stay) if keep else None
     return Solved(orbits=orbits, found=found, last_step=last_step, steps=steps)
-
-
-def follow_amplitude(equations: OrbitEquations, drive: Drive, *, tolerance: float) -> tuple[Solved, float]:
-    """Let the amplitude of a drive at one frequency grow from nothing, each orbit foretold by the two before.
-
-    Returns:
-        The orbit at the largest amplitude that was reached, and that amplitude as a part of the drive's.
-    """
-    count = equations.mesh.count
-    rest = Orbits(
-        omega=drive.omega,
-        inputs=drive.inputs(equations.mesh, 0.0),
-        states=np.tile(drive.trim.states, (1, count, 1)),
-        readings=np.tile(drive.trim.channels, (1, count, 1)),
-    )
-    solved = solve_orbits(equations, rest, tolerance=tolerance)
-    before = last = solved.orbits
-    reached, rise, span = 0.0, 0.25, 1.0
-    while reached < 1.0 and rise >= SHORTEST_RISE:
-        wanted = min(1.0, reached + rise)
-        ahead = (wanted - reached) / span
-        guess = Orbits(
-            omega=drive.omega,
-            inputs=drive.inputs(equations.mesh, wanted),
-            states=last.states + ahead * (last.states - before.states),
-            readings=last.readings + ahead * (last.readings - before.readings),
-        )
-        trial = solve_orbits(equations, guess, tolerance=tolerance)
-        if bool(trial.found[0]):
-            before, last, solved = last, trial.orbits, trial
-            span, reached, rise = wanted - reached, wanted, 2.0 * rise
-        else:
-            rise *= 0.5
-    return solved, reached
 
 
 def smallest_step(orbits: Orbits, scales: Floats, tolerance: float) -> Floats:

@@ -28,6 +28,7 @@ class ForcedCase:
         model: small-signal model about the drive's trim.
         tolerance: largest estimated relative error of the fundamental by the harmonics left out.
         most_harmonics: highest harmonic at most.
+        seek_limits: whether a refusal is to tell up to which amplitude there is an orbit.
     """
 
     system: DelaySystem
@@ -36,6 +37,7 @@ class ForcedCase:
     model: DelayStateSpace
     tolerance: float
     most_harmonics: int
+    seek_limits: bool = False
 
     @property
     def step_tolerance(self) -> float:
@@ -80,6 +82,12 @@ def not_found(case: ForcedCase, row: int, reached: float) -> RevlineError:
         "simulate it"
     )
     return NotConvergedError(message, frequency=omega, amplitude=reached * amplitude)
+
+
+def with_limit(case: ForcedCase, row: int, reached: float, reason: RevlineError) -> RevlineError:
+    """Say in a refusal beyond a part of an amplitude that up to there is an orbit."""
+    unit, amplitude = case.system.inputs[case.drive.position].unit, reached * float(case.drive.amplitude[row])
+    return type(reason)(f"{reason}: there is an orbit up to {amplitude:.4g} {unit}", **{**reason.details, "amplitude": amplitude})
 
 
 def _no_delivery(case: ForcedCase, variable: Variable, row: int, why: str) -> RevlineError:

@@ -53,7 +53,7 @@ class ViewRequest(BaseModel):
 
     state: State = State()
     parts: Annotated[list[str], Field(max_length=32, description=f"of {', '.join((*PARTS, WORDS))}")] = list(LIVE)
-    whole: Annotated[bool, Field(description="all parts in one answer; if false, some may be left for `later` while many wait")] = True
+    whole: Annotated[bool, Field(description="all parts in one answer; if false, some may be left for `later`")] = True
 
 
 class StateRequest(BaseModel):
@@ -169,7 +169,8 @@ def _api() -> APIRouter:
         """Numbers and series of a state; a part that cannot be found is {"problem": ...}, and leaves the others whole.
 
         Of a client's requests (header X-Client) one is answered at a time, and of those that wait only the newest; the others are
-        answered 409. Where `whole` is false, parts may be left for `later` while many clients wait: ask for them again, by their names.
+        answered 409. Where `whole` is false, parts may be left for `later`, those that take longer than the others and, while many
+        clients wait, any: ask for them again, by their names.
         """
         del x_client  # described here, and read with the address
         client = _client_of(request)

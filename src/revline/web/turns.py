@@ -133,7 +133,9 @@ class Turns:
     def _ask(self, client: str, wish: _Wish) -> _Wish:
         wishes = self._waiting.setdefault(client, deque())
         if wish.newest and wishes and wishes[-1].newest:
-            wishes.pop().turn.set_exception(SupersededError())
+            older = wishes.pop().turn
+            if not older.done():  # else its client went just now
+                older.set_exception(SupersededError())
         wishes.append(wish)
         self._serve()
         return wish

@@ -9,7 +9,7 @@ from revline.analysis.linearize import linearize
 from revline.analysis.trim import find_trim
 from revline.design.controllers.controller import PidGains
 from revline.design.stability import axis_grid
-from revline.design.stability.margins import find_margins
+from revline.design.stability.margins import Margins, find_margins, find_margins_each
 from revline.design.stability.open_loop import OpenLoop, open_loop_of_model, open_loop_of_system
 from revline.engine.lee1995 import lee1995
 from revline.errors import AnalysisError, InvalidInputError, NotConvergedError
@@ -224,3 +224,28 @@ def test_of_many_peaks_of_nearly_one_height_the_highest_is_told() -> None:
     found = find_margins(loop)
     assert float(np.max(1.0 / np.abs(1.0 + values))) <= found.sensitivity.value * (1.0 + 1e-9)
     assert float(np.max(np.abs(values / (1.0 + values)))) <= found.complementary.value * (1.0 + 1e-9)
+
+
+def test_margins_found_together_are_those_found_alone() -> None:
+    """A loop that has none is told in its own place: one that is improper, and one whose search fails between points of its grid."""
+    plain = [TransferFunction(numerator=(12.0,), denominator=(1.0, 0.55, 0.034), delay=delay) for delay in (0.0, 0.021)]
+    torn = OpenLoop(name="torn", transfer=_torn, delay=0.0, unstable_poles=0.0)
+    loops = [open_loop_of_model(plain[0], pid(0.5, 1.0)), open_loop_of_model(plain[1], pid(0.5, 1.0, 0.01))]
+    improper = OpenLoop(name="improper", transfer=lambda s: np.ones(np.shape(s), dtype=complex), delay=0.0, unstable_poles=0.0)
+    found = find_margins_each([loops[0], improper, torn, loops[1]])
+    for mine, loop in ((found[0], loops[0]), (found[3], loops[1])):
+        alone = find_margins(loop)
+        assert isinstance(mine, Margins)
+        assert (mine.gain_crossovers, mine.phase_crossovers) == (alone.gain_crossovers, alone.phase_crossovers)
+        assert (mine.sensitivity, mine.complementary, mine.disk) == (alone.sensitivity, alone.complementary, alone.disk)
+    assert isinstance(found[1], InvalidInputError)
+    assert isinstance(found[2], NotConvergedError)
+    assert "no finite value near" in str(found[2])
+    assert find_margins_each([]) == ()
+
+
+def _torn(s: object) -> np.ndarray:
+    """A loop that has values on a grid, but none where its peak is sought."""
+    points = np.asarray(s, dtype=complex)
+    values = 1.0 / (points * (1.0 + 0.2 * points) * (1.0 + 0.1 * points))
+    return np.full(points.shape, np.nan) if points.size < 60 and np.all(np.abs(points) > 0.01) else values

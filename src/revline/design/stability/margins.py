@@ -8,16 +8,16 @@ Systems Magazine 40(5), 78-95.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from revline.design.stability.axis_grid import find_features, follow
+from revline.design.stability.axis_grid import Features, Sought, find_features, follow
 from revline.design.stability.open_loop import OpenLoop
-from revline.errors import InvalidInputError, out_of_range
+from revline.errors import InvalidInputError, RevlineError, out_of_range
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -156,15 +156,61 @@ def find_margins(loop: OpenLoop, *, low: float = 1e-3) -> Margins:
         InvalidInputError: the frequency lies outside 1e-100 to 1e9 rad/s, or the loop is none, or improper: its gain does not fall high up.
         NotConvergedError: the loop turns too fast for the grid, or has a pole on the imaginary axis within it.
     """
+    followed = _follow(loop, low)
+    return _gather(followed, find_features([followed.sought])[0])
+
+
+def find_margins_each(loops: Sequence[OpenLoop], *, low: float = 1e-3) -> tuple[Margins | RevlineError, ...]:
+    """Find all crossovers and margins of some loops as `find_margins` does, their searches in the same rounds.
+
+    Args:
+        loops: as for `find_margins`.
+        low: as for `find_margins`.
+
+    Returns:
+        Of each loop its margins, or why it has none.
+    """
+    found: list[Margins | RevlineError | _FollowedLoop] = []
+    for loop in loops:
+        try:
+            found.append(_follow(loop, low))
+        except RevlineError as error:
+            found.append(error)
+    followed = [one for one in found if isinstance(one, _FollowedLoop)]
+    try:
+        features = iter(find_features([one.sought for one in followed])) if followed else iter(())
+        return tuple(_gather(one, next(features)) if isinstance(one, _FollowedLoop) else one for one in found)
+    except RevlineError:  # of one of them: the others are not to suffer
+        return tuple(_alone(one) if isinstance(one, _FollowedLoop) else one for one in found)
+
+
+class _FollowedLoop(NamedTuple):
+    """A loop with the grid on which it was followed, and what is sought there."""
+
+    loop: OpenLoop
+    sought: Sought
+
+
+def _alone(followed: _FollowedLoop) -> Margins | RevlineError:
+    try:
+        return _gather(followed, find_features([followed.sought])[0])
+    except RevlineError as error:
+        return error
+
+
+def _follow(loop: OpenLoop, low: float) -> _FollowedLoop:
     if not LEAST <= low < HIGHEST:
         raise out_of_range("lowest frequency", low, "rad/s", f"{LEAST:g} to {HIGHEST:g} rad/s", "give one well below the loop's bandwidth")
     low = _bottom(loop, low)
     start = np.geomspace(low, _top(loop, low), 200)
     grid, followed = follow(lambda w: _values(loop, w)[None], start, delay=loop.delay, name=f"the loop {loop.name}")
-    values = followed[0]
     crossings: tuple[Callable[[Complexes], Floats], ...] = (_above_one, phase_sine)
-    sizes = [function(values) for function in (*crossings, *MEASURES)]
-    found = find_features(lambda w: _values(loop, w), crossings, MEASURES, grid, sizes)
+    sizes = [function(followed[0]) for function in (*crossings, *MEASURES)]
+    return _FollowedLoop(loop, Sought(lambda w: _values(loop, w), crossings, MEASURES, grid, sizes))
+
+
+def _gather(followed: _FollowedLoop, found: Features) -> Margins:
+    loop, grid = followed.loop, followed.sought.grid
     (unity, turns), peaks = found.roots, [Peak(value=value, frequency=frequency) for value, frequency in found.peaks]
     return Margins(
         loop=loop.name,
