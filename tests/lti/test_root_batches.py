@@ -71,6 +71,30 @@ def test_roots_right_of_a_line_are_counted_for_many(build: Build) -> None:
     assert np.flatnonzero(again != counts).tolist() in ([7], [])
 
 
+def test_no_degree_is_looked_at_twice(build: Build, monkeypatch: pytest.MonkeyPatch) -> None:
+    """More unstable roots than are listed are counted alone, with what was found together."""
+    looked: list[tuple[float, int]] = []
+
+    def noted(blocks: FeedbackBlock, degree: int, count: int) -> list[Listed]:
+        looked.extend((float(lags[0]), degree) for lags in blocks.lags)
+        return refine_roots(blocks, degree, count)
+
+    monkeypatch.setattr("revline.lti.root_batches.refine_roots", noted)
+    monkeypatch.setattr("revline.lti.roots.refine_roots", noted)
+    found = characteristic_roots_each([build([lag], A=-0.1, Bz=[[-3.0]], Cz=[[1.0]]) for lag in (0.5, 200.0)])
+    assert [entry.unstable_count > 6 for entry in found if isinstance(entry, RightmostRoots)] == [False, True]
+    assert len(looked) == len(set(looked))
+
+
+def test_entries_beyond_all_numbers_spoil_no_other(build: Build) -> None:
+    good, large = build([1.0], A=-1.0, Bz=[[-1.0]], Cz=[[1.0]]), build([1.0], A=-1.0, Bz=[[-1e300]], Cz=[[1e300]])
+    first, second = characteristic_roots_each([good, large])
+    assert isinstance(first, RightmostRoots)
+    assert isinstance(second, AnalysisError)
+    with pytest.raises(AnalysisError, match="gains whose product exceeds the range of numbers; choose other units"):
+        characteristic_roots(large)
+
+
 @pytest.mark.parametrize(("gain", "lost", "unstable"), [(1.0, 0, 0), (3.0, 0, 2), (10.0, 0, 4), (10.0, 1, 4)])
 def test_what_the_argument_principle_contradicts_is_looked_at_alone(
     build: Build, gain: float, lost: int, unstable: int, monkeypatch: pytest.MonkeyPatch
