@@ -142,17 +142,19 @@ class SteadyEquations:
         if reads_channels(self.system) or not self.unknowns:
             return self.misses(unknowns, known), self._slopes_of_loops(unknowns, known)
         # Every unknown takes an imaginary step in turn, and the channels carry it on: one pass through each equation gives all.
-        system, count = self.system, len(self.system.states)
-        moved = unknowns + self._imaginary_steps
-        u = list(self.known if known is None else known.T)
-        for position, k in enumerate(self.free, start=count):
-            u[k] = moved[..., position]
-        x, inputs = _parts(moved[..., :count]), tuple(u)
-        with np.errstate(all="ignore"):
-            zd = tuple(system.emit(system.parameters, x, inputs, (np.float64(0.0),) * len(system.channels)))
-            stepped = self._missed(x, inputs, zd, np.empty((*moved.shape[:-1], self.sizes.size), dtype=complex))
+        slopes = np.moveaxis(self._missed_in_one_pass(unknowns + self._imaginary_steps, known).imag, 0, -1) / COMPLEX_STEP
         # Misses are those of real numbers: a root of what is negative has a value among complex ones, and none here.
-        return self.misses(unknowns, known), self._mend(np.moveaxis(stepped.imag, 0, -1) / COMPLEX_STEP, unknowns, known)
+        return self._missed_in_one_pass(unknowns, known), self._mend(slopes, unknowns, known)
+
+    def _missed_in_one_pass(self, unknowns: Matrix, known: Floats | None) -> Matrix:
+        """Give `misses` where no channel reads another, of real or complex unknowns."""
+        system, count = self.system, len(self.system.states)
+        x, u = _parts(unknowns[..., :count]), list(self.known if known is None else known.T)
+        for k, value in zip(self.free, _parts(unknowns[..., count:]), strict=True):
+            u[k] = value
+        with np.errstate(all="ignore"):
+            zd = tuple(system.emit(system.parameters, x, tuple(u), (np.float64(0.0),) * len(system.channels)))
+            return self._missed(x, tuple(u), zd, np.empty((*unknowns.shape[:-1], self.sizes.size), dtype=unknowns.dtype))
 
     def _mend(self, slopes: Matrix, unknowns: Floats, known: Floats | None) -> Floats:
         """Take differences where complex numbers go beyond their range before real ones do, as in 1/(1 + exp(500))."""
