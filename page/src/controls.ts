@@ -1,12 +1,12 @@
 /** The controls: operating point, controller and step, and the engine below them; each writes into the store and shows what stands there. */
 
-import type { Named } from "./drawings";
 import { EngineControls, type Parameter } from "./engine";
 import { fieldRow } from "./fields";
 import { limitsRow } from "./limits";
 import { element } from "./parts";
 import { Remarks } from "./remarks";
 import { fromPosition, GAINS, POINT, type Spec, STEP, stepped, toPosition } from "./scales";
+import type { Named } from "./stability";
 import { DEFAULTS, type State, type StepKind } from "./state";
 import type { Store } from "./store";
 

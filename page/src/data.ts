@@ -2,10 +2,12 @@
 
 import { type Curve, isProblem, Lost, type Problem, Refused } from "./api";
 import { COLORS } from "./colors";
-import { DASHES, NAMES, type Own } from "./drawings";
+import { DASHES, NAMES } from "./curves";
+import type { Line } from "./drawing";
 import { showNumber } from "./export";
 import { element } from "./parts";
-import { type Line, Plot } from "./plot";
+import { Plot } from "./plot";
+import type { Own } from "./responses";
 import type { State } from "./state";
 
 export type FileKind = "response" | "log" | "engine";
@@ -55,6 +57,8 @@ export interface LogAnswer {
       relative_deviation: number[];
       relative_bias: number[];
       between_samples: string;
+      /** Whether that was said, or to be seen. */
+      between_samples_known: boolean;
       /** How many frequencies more were looked at and told nothing that can be trusted. */
       left_out: number;
       remark?: string;
@@ -129,8 +133,14 @@ function toldLines(told: Told): string[] {
 /** The response that a log tells, for drawing, with what was assumed to find it. */
 export function ownOf({ response }: LogAnswer): Own | undefined {
   if (isProblem(response)) return undefined;
-  const { frequency_rad_s, magnitude_db, phase_deg, between_samples: course, remark } = response as Told;
-  const note = remark === undefined ? {} : { note: `own data: throttle taken as ${course} between samples` };
+  const {
+    frequency_rad_s,
+    magnitude_db,
+    phase_deg,
+    between_samples: course,
+    between_samples_known: known,
+  } = response as Told;
+  const note = known ? {} : { note: `own data: throttle taken as ${course} between samples` };
   return { frequency_rad_s, magnitude_db, phase_deg, ...note };
 }
 

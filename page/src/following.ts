@@ -13,7 +13,7 @@ import {
   Refused,
   type View,
 } from "./api";
-import { keyOf } from "./needs";
+import { keyOf, sameSpeeds } from "./needs";
 import { type State, same } from "./state";
 import type { Store } from "./store";
 
@@ -54,6 +54,7 @@ export class Following {
   private left: readonly PartName[] = [];
   /** What the parts that were found were found for. */
   private readonly keys = new Map<PartName, string>();
+  private mapped: State | undefined;
   private attempts = 0;
   private retry: ReturnType<typeof setTimeout> | undefined;
   private resting: ReturnType<typeof setTimeout> | undefined;
@@ -145,15 +146,21 @@ export class Following {
     return parts.length > 0 ? parts : ["words"];
   }
 
-  /** Take in what was found; a part with a problem, and one left for later, is asked for again. What belongs to another state is not kept. */
+  /** Take in what was found; a part with a problem, and one left for later, is asked for again. What belongs to another state is not kept, but for steady speeds that hold for both. */
   private take(answer: Found, parts: readonly PartName[], state: State): void {
     for (const part of parts) {
       if (answer[part] === undefined || isProblem(answer[part])) this.keys.delete(part);
       else this.keys.set(part, keyOf(part, state));
     }
+    if (answer.map && !isProblem(answer.map)) this.mapped = state;
     const found = { ...this.found, ...answer };
     for (const part of Object.keys(found) as PartName[]) {
       if (answer[part] === undefined && !this.known(part, state)) delete found[part];
+    }
+    const speeds = this.found.map;
+    if (!found.map && speeds && !isProblem(speeds) && this.mapped && sameSpeeds(this.mapped, state)) {
+      const { line: _line, no_line: _none, ...rest } = speeds; // of another point
+      found.map = rest;
     }
     this.found = found;
   }

@@ -1,7 +1,7 @@
 /** Margins and measures in numbers, as a table beside the plots. */
 
 import { type Found, isProblem, type Promise_ } from "./api";
-import { NAMES } from "./drawings";
+import { NAMES } from "./curves";
 import { doubtOf, responseNotes } from "./notes";
 
 type Cell = string;

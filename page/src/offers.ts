@@ -1,8 +1,8 @@
 /** What can be set of an engine, asked of the server once for each. */
 
 import { fetchJson } from "./api";
-import type { Named } from "./drawings";
 import type { Parameter } from "./engine";
+import type { Named } from "./stability";
 
 export interface Offered {
   engines: string[];

@@ -2,8 +2,8 @@
 
 import type uPlot from "uplot";
 import { shown } from "./colors";
+import type { Drawing, Line, Shade } from "./drawing";
 import { keyOf, legendText, named } from "./legend";
-import type { Drawing, Line, Shade } from "./plot";
 
 export function paintDrawing(chart: uPlot, drawing: Drawing): void {
   const { ctx, bbox } = chart;

@@ -1,22 +1,15 @@
 /** The plots of the page: what each is called, what it is drawn from, and which are drawn again when something is new. */
 
 import type { Found, PartName } from "./api";
-import {
-  drawBode,
-  drawDistortion,
-  drawErrors,
-  drawMap,
-  drawPlane,
-  drawRoots,
-  drawTime,
-  type Named,
-  type Own,
-} from "./drawings";
+import type { Drawing } from "./drawing";
 import type { Seen } from "./following";
 import { Reads } from "./needs";
-import { type DragPhase, type Drawing, Plot, type PlotOptions } from "./plot";
+import { type DragPhase, Plot, type PlotOptions } from "./plot";
 import { problemOf, within } from "./problems";
+import { drawBode, drawDistortion, drawErrors, type Own } from "./responses";
+import { drawMap, drawTime } from "./running";
 import { GAINS, stepped } from "./scales";
+import { drawPlane, drawRoots, type Named } from "./stability";
 import type { State } from "./state";
 import { Handle, type Steering } from "./steer";
 

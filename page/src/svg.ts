@@ -1,9 +1,9 @@
 /** A plot as a picture of its own: the same curves, marks and areas, on white ground. */
 
+import type { Axis, Drawing, Line } from "./drawing";
 import { escapeText, showNumber, ticks, unitText } from "./export";
 import { KEYS, keyOf, legendText, named } from "./legend";
 import { rectanglesOf } from "./paint";
-import type { Axis, Drawing, Line } from "./plot";
 
 const WIDTH = 640;
 const HEIGHT = 420;

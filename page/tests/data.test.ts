@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { kindOf, type LogAnswer, linesOf, ownOf } from "../src/data";
-import { drawBode } from "../src/drawings";
+import { drawBode } from "../src/responses";
 
 describe("own files", () => {
   it("are known by name and header", () => {
@@ -39,6 +39,7 @@ describe("own files", () => {
         relative_deviation: [0.01, 0.002],
         relative_bias: [0.03, 0.05],
         between_samples: "straight",
+        between_samples_known: false,
         left_out: 3,
         remark: "it was not said",
       },
@@ -49,6 +50,8 @@ describe("own files", () => {
     expect(lines.find((line) => line.startsWith("3 more frequencies are left out"))).toContain("too little coherence");
     expect(lines).toContain("throttle between the samples: straight");
     expect(lines).toContain("it was not said");
+    const known = { ...answer, response: { ...answer.response, between_samples_known: true } };
+    expect(ownOf(known as LogAnswer)?.note).toBeUndefined();
     const own = ownOf(answer);
     const note = "own data: throttle taken as straight between samples";
     expect(own?.note).toBe(note);

@@ -1,8 +1,10 @@
 import { describe, expect, it } from "vitest";
 import type { Found } from "../src/api";
 import { COLORS } from "../src/colors";
-import { drawBode, drawErrors, drawPlane, drawRoots, drawTime } from "../src/drawings";
 import { doubtsOf } from "../src/numbers";
+import { drawBode, drawErrors } from "../src/responses";
+import { drawTime } from "../src/running";
+import { drawPlane, drawRoots } from "../src/stability";
 import { DEFAULTS } from "../src/state";
 
 const plane = (shade: string[]): Found => ({

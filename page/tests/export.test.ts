@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { rangeOf } from "../src/drawings";
+import { rangeOf } from "../src/curves";
 import { csvOf, escapeText, ticks } from "../src/export";
 import { rectanglesOf } from "../src/paint";
 import { fromPosition, stepped, toPosition } from "../src/scales";

@@ -6,8 +6,9 @@ import { Store } from "../src/store";
 
 type Answer = (parts: PartName[]) => Response | Promise<Response>;
 
+const MAP = { of: "map", line: "about 25" };
 const whole: Answer = (parts) =>
-  Response.json({ parts: Object.fromEntries(parts.map((part) => [part, { of: part }])) });
+  Response.json({ parts: Object.fromEntries(parts.map((part) => [part, part === "map" ? MAP : { of: part }])) });
 const cut: Answer = () => new Response('{"parts":{"loop":', { headers: { "content-type": "application/json" } });
 
 /** A page's follower before a server that answers views as it is told to, each way once, and then whole. */
@@ -81,10 +82,13 @@ describe("what follows the server", () => {
     expect(said.at(-1)).toBe("settled");
   });
 
-  it("keeps no part of another state, after a refused one either", async () => {
+  it.each([
+    ["its steady speeds, which hold for both", { throttle_deg: 60 }, { of: "map" }],
+    ["nothing", { load_n_m: 5 }, undefined],
+  ])("keeps of the map of another state %s, after a refused one too", async (_, patch, kept) => {
     const { said, shown, store, rest } = follow();
     await rest();
-    expect(shown.at(-1)?.map).toBeDefined();
+    expect(shown.at(-1)?.map).toEqual(MAP);
     const problem = { detail: "no such throttle", status: 422 };
     vi.stubGlobal("fetch", () => Promise.resolve(Response.json(problem, { status: 422 })));
     store.set({ throttle_deg: 2000 });
@@ -93,13 +97,13 @@ describe("what follows the server", () => {
     const before = shown.length;
     vi.stubGlobal("fetch", (_: string, { body }: { body: string }) => {
       const { parts } = JSON.parse(body) as { parts: PartName[] };
-      return parts.includes("map") ? new Promise(() => {}) : whole(parts);
+      return parts.includes("map") ? new Promise(() => {}) : Promise.resolve(whole(parts));
     });
-    store.set({ throttle_deg: 60 });
+    store.set({ throttle_deg: 25, ...patch });
     await rest();
     expect(shown).toHaveLength(before + 1);
     expect(shown.at(-1)?.loop).toBeDefined();
-    expect(shown.at(-1)?.map).toBeUndefined();
+    expect(shown.at(-1)?.map).toEqual(kept);
   });
 
   it("says that it failed to show a view, and shows the next", async () => {

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from scipy.signal import cont2discrete, lfilter, max_len_seq
 
 from revline.analysis import logged_response
-from revline.analysis.logged_response import Between, LoggedResponse, estimate_response, looks_held
+from revline.analysis.local_polynomials import fit_locally
+from revline.analysis.logged_response import Between, LoggedResponse, _aliases, _uncertain, estimate_response, looks_held
 from revline.errors import AnalysisError, InvalidInputError
 
 Floats = NDArray[np.float64]
@@ -244,3 +245,49 @@ def test_what_is_known_too_badly_is_refused(monkeypatch: pytest.MonkeyPatch) -> 
 )
 def test_held_inputs_are_recognised(values: Floats, held: bool) -> None:  # noqa: FBT001 - drawn by the table
     assert looks_held(values) is held
+
+
+def test_the_deviation_is_that_of_the_errors() -> None:
+    """Over some 1000 frequencies of records with noise, errors of the magnitude are as large as told: half the variance would give 1.41."""
+    u, draw = draw_noise(11), np.random.default_rng(12)
+    y, ratios = answer_held(u), []
+    for _ in range(20):
+        found, _ = estimated(u, y + draw.normal(0.0, 0.02, y.size), Between.HELD)
+        errors = np.abs(found.response.values / exact_response(found.response.omega)) - 1.0
+        ratios.append((errors / found.deviation)[found.bias < 0.5 * found.deviation])
+    together = np.concatenate(ratios)
+    assert together.size > 300
+    assert np.sqrt(np.mean(together**2)) == pytest.approx(1.0, abs=0.12)
+
+
+def draw_noise(seed: int) -> Floats:
+    return np.random.default_rng(seed).standard_normal(8000)
+
+
+def test_noise_is_seldom_taken_for_bias() -> None:
+    """A response that does not change with the frequency has no bias: of noise one fit in 20, as exp(-3) says, is told one."""
+    draw = np.random.default_rng(13)
+    u, noise = draw.standard_normal((2, 400, 49, 2)).view(complex)[..., 0]
+    told = [fit_locally(one, 2.0 * one + other, 24, 24).bias > 0.0 for one, other in zip(u, noise, strict=True)]
+    assert np.mean(told) == pytest.approx(np.exp(-3.0), abs=0.03)
+
+
+@pytest.mark.parametrize("between", [Between.HELD, Between.STRAIGHT])
+def test_what_samples_cannot_tell_apart_is_summed_over_all_multiples(between: Between) -> None:
+    """Closed form: the sum of 1/(x + k)^2 over all k is (pi/sin(pi x))^2; 60 on either side lack a hundredth of it."""
+    part = np.linspace(0.01, 0.3, 60)
+    omega = 2.0 * np.pi / STEP * part
+    sizes = 1.0 / omega if between is Between.HELD else np.ones(60)
+    others = (np.pi / np.sin(np.pi * part)) ** 2 - 1.0 / part**2
+    top = float(np.max(sizes[omega >= logged_response.NEAR_TOP * omega[-1]])) / sizes
+    expected = top * others * part * (part[-1] if between is Between.HELD else part)
+    assert _aliases(omega, sizes, STEP, between) == pytest.approx(expected, rel=0.015)
+
+
+def test_uneven_samples_may_lose_what_straight_lines_lose() -> None:
+    """Halfway between samples a straight line has cos(turn/2) of a sinusoid; both records were interpolated."""
+    turn = np.linspace(0.1, 1.9, 19)
+    beside = _uncertain(turn, Between.STRAIGHT, True, 0.01) - 0.01 * turn  # noqa: FBT003 - a fact, not a mode
+    assert np.all(beside >= 2.0 * (1.0 - np.cos(0.5 * turn)))
+    assert np.all(beside <= 1.1 * 2.0 * (1.0 - np.cos(0.5 * turn)))
+    assert _uncertain(turn, Between.STRAIGHT, True, 0.5 * logged_response.EVEN).tolist() == [0.0] * 19  # noqa: FBT003 - a fact, not a mode

@@ -8,7 +8,7 @@ import pytest
 from revline.analysis.steady_map import find_steady_map
 from revline.analysis.trim import find_trim
 from revline.equations import Equation, equation
-from revline.errors import InvalidInputError
+from revline.errors import InvalidInputError, NoTrimError
 from revline.system import DelaySystem, Variable
 
 Vector = tuple[float, ...]
@@ -45,8 +45,8 @@ def over_a_step(p: Constants, x: Vector, u: Vector, zd: Vector) -> Vector:  # no
     return (u[0] - x[0] - 1.0 / (1.0 + np.exp(p.steepness * (x[0] - 0.45))),)
 
 
-def tank(rate: Equation, steepness: float = 0.0, output: Equation = height) -> DelaySystem:
-    level = Variable(name="level", unit="m", search_low=-2.0, search_high=10.0)
+def tank(rate: Equation, steepness: float = 0.0, output: Equation = height, low: float = -np.inf) -> DelaySystem:
+    level = Variable(name="level", unit="m", low=low, search_low=max(low, -2.0), search_high=10.0)
     return DelaySystem(
         name="tank",
         parameters=Constants(steepness=steepness),
@@ -68,6 +68,25 @@ def test_a_search_stays_where_its_equations_have_values() -> None:
     assert found.values.tolist() == flows.tolist()
     assert found.output_values == pytest.approx(flows**2, abs=1e-9)
     assert (found.missing, found.boundaries) == ((), ())
+
+
+@equation
+def rising_slowly(p: Constants, x: Vector, u: Vector, zd: Vector) -> Vector:  # noqa: ARG001 - the form of all equations
+    return (u[0] - 1.0 - np.log(1.0 + 4.0 * x[0]),)
+
+
+def test_a_limit_at_which_an_equation_is_infinitely_steep_holds_no_search() -> None:
+    """The tank again, its level stated to be 0 or more: the steps of Newton's method lead below, and at 0 a root is infinitely steep."""
+    for flow in (0.0, 1e-3, 0.05, 0.1, 0.25, 1.0, 2.8):
+        found = find_trim(tank(through_a_hole, low=0.0), inputs={"flow": flow})
+        assert found.state("level") == pytest.approx(flow**2, rel=1e-9, abs=1e-15)
+
+
+def test_a_steady_state_on_a_limit_is_found() -> None:
+    """At rest log(1 + 4 x) = u - 1: the steps of Newton's method lead beyond 0, where at u = 1 the steady state is."""
+    assert find_trim(tank(rising_slowly, low=0.0), inputs={"flow": 1.0}).state("level") == pytest.approx(0.0, abs=1e-15)
+    with pytest.raises(NoTrimError, match=r"no trim at flow = 0.9 m/s: level still drifts by 0.1 m/s "):
+        find_trim(tank(rising_slowly, low=0.0), inputs={"flow": 0.9})
 
 
 @pytest.mark.parametrize(("flow", "level"), [(0.3, -0.7), (1.2, 1.2)])

@@ -62,6 +62,7 @@ def test_a_log_of_the_engine_itself_is_explained_up_to_its_noise() -> None:
     assert min(response["coherence"]) >= 0.8
     assert max(response["relative_bias"]) <= 0.1
     assert (response["between_samples"], "write `# between_samples: held`" in response["remark"]) == ("straight", True)
+    assert response["between_samples_known"] is False
     assert response["models"]["g2d"]["delay_s"] == pytest.approx(0.021, abs=0.008)
 
 
@@ -97,6 +98,7 @@ def test_a_held_throttle_is_played_and_read_as_held() -> None:
     told, other = found[""], found["# between_samples: straight\n"]
     assert (told["response"]["between_samples"], other["response"]["between_samples"]) == ("held", "straight")
     assert "half a sample" not in told["response"]["remark"]
+    assert (told["response"]["between_samples_known"], other["response"]["between_samples_known"]) == (True, True)
     assert told["engine"]["late_rms_error_rad_s"] < 0.25 * other["engine"]["late_rms_error_rad_s"]
     phases = [entry["response"]["engine"]["exact"]["rms_phase_difference_deg"] for entry in (told, other)]
     assert phases[0] < 0.2 * phases[1]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from revline.design.stability.axis_grid import Function, Sought, find_features
+from revline.design.stability.axis_grid import PHASE_STEP, SIZE_STEP, Function, Sought, find_features, follow
 from revline.errors import NotConvergedError
 
 GRID = np.geomspace(0.1, 10.0, 41)
@@ -38,3 +38,16 @@ def test_a_peak_without_a_value_is_told() -> None:
 
     with pytest.raises(NotConvergedError, match="a loop has no finite value near 1 rad/s"):
         find_features([Sought(lambda w: w, (), (torn,), GRID, [torn(GRID)])])
+
+
+def test_a_delay_that_turns_whole_circles_between_points_is_followed() -> None:
+    """A delay of 10 s turns once in 2 pi/10 rad/s: at each point of such a grid its value is 1."""
+    found = follow(lambda w: np.exp(-10j * w)[None], 0.2 * np.pi * np.arange(1.0, 9.0), delay=10.0, name="a delay")
+    assert np.max(10.0 * np.diff(found.grid)) <= PHASE_STEP
+
+
+def test_a_size_that_changes_without_turning_is_followed() -> None:
+    found = follow(lambda w: (w[None] ** 2).astype(complex), np.array([1.0, 1e3]), delay=0.0, name="a square")
+    steps = np.diff(np.log(np.abs(found.values[0])))
+    assert np.max(steps) <= SIZE_STEP
+    assert np.sum(steps) == pytest.approx(2.0 * np.log(1e3))

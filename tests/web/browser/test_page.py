@@ -211,7 +211,7 @@ def test_an_answer_that_is_cut_off_is_asked_for_again(open_page: Open) -> None:
 
 def test_a_map_of_another_state_is_greyed_until_its_own_comes(open_page: Open) -> None:
     window = open_page()
-    window.set("throttle_deg", 2000)
+    window.set("load_n_m", 500)
     held: list[Route] = []
 
     def hold(route: Route) -> None:
@@ -222,15 +222,15 @@ def test_a_map_of_another_state_is_greyed_until_its_own_comes(open_page: Open) -
             route.continue_()
 
     window.page.route("**/api/v1/view", hold)
-    window.page.fill("#throttle_deg-number", "60")
-    window.page.press("#throttle_deg-number", "Enter")
+    window.page.fill("#load_n_m-number", "5")
+    window.page.press("#load_n_m-number", "Enter")
     window.page.wait_for_selector("#speed:not(.stale)")
     assert window.page.locator(".plot.stale:visible").evaluate_all("them => them.map(one => one.id)") == ["map"]
     (route,) = held
     route.continue_()
     window.settle()
     assert "stale" not in str(window.page.get_attribute("#map", "class"))
-    assert "operating point,60," in window.curves("map")
+    assert "linear range,8." not in window.curves("map")  # that of no load
     window.complaints = [text for text in window.complaints if "422" not in text]
 
 

@@ -31,6 +31,9 @@ LARGE = 1e3
 LOWEST = 1e-12
 """Lowest frequency to which the search is extended, in rad/s."""
 
+LEAST = 1e-100
+"""Lowest frequency that may be asked for, in rad/s: far below, products of frequencies leave the range of numbers."""
+
 HIGHEST = 1e9
 """A loop that has not fallen below the floor at this frequency, in rad/s, does not fall."""
 
@@ -150,7 +153,7 @@ def find_margins(loop: OpenLoop, *, low: float = 1e-3) -> Margins:
         low: lowest frequency looked at, in rad/s; lowered where the loop gain is not large there and still rises towards lower ones.
 
     Raises:
-        InvalidInputError: the frequency is not above 0, or the loop is none, or improper: its gain does not fall at high frequency.
+        InvalidInputError: the frequency lies outside 1e-100 to 1e9 rad/s, or the loop is none, or improper: its gain does not fall high up.
         NotConvergedError: the loop turns too fast for the grid, or has a pole on the imaginary axis within it.
     """
     followed = _follow(loop, low)
@@ -196,8 +199,8 @@ def _alone(followed: _FollowedLoop) -> Margins | RevlineError:
 
 
 def _follow(loop: OpenLoop, low: float) -> _FollowedLoop:
-    if not (math.isfinite(low) and low > 0.0):
-        raise out_of_range("lowest frequency", low, "rad/s", "values above 0", "give one well below the loop's bandwidth")
+    if not LEAST <= low < HIGHEST:
+        raise out_of_range("lowest frequency", low, "rad/s", f"{LEAST:g} to {HIGHEST:g} rad/s", "give one well below the loop's bandwidth")
     low = _bottom(loop, low)
     start = np.geomspace(low, _top(loop, low), 200)
     grid, followed = follow(lambda w: _values(loop, w)[None], start, delay=loop.delay, name=f"the loop {loop.name}")
@@ -252,7 +255,7 @@ def _bottom(loop: OpenLoop, low: float) -> float:
 
 def _top(loop: OpenLoop, low: float) -> float:
     """A frequency beyond which the loop gain stays below the floor."""
-    grid = np.geomspace(low, HIGHEST, 60 * round(math.log10(HIGHEST / low)))
+    grid = np.geomspace(low, HIGHEST, 60 * max(1, round(math.log10(HIGHEST / low))))
     sizes = np.abs(_values(loop, grid))
     if not np.any(sizes):
         message = f"the loop {loop.name} is 0 at every frequency, so that there are no margins; give the controller a gain"

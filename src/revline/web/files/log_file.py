@@ -263,6 +263,7 @@ def _estimated(log: Log, state: State) -> Mapping[str, Any]:
         "relative_deviation": drawn(found.deviation),
         "relative_bias": drawn(found.bias),
         "between_samples": found.between.value,
+        "between_samples_known": found.known,
         **({"remark": "; ".join(remarks)} if remarks else {}),
         "left_out": found.left_out,
         "models": models,
