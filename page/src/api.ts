@@ -89,6 +89,8 @@ export interface Parts {
       outcome?: string;
       summary?: string;
       undecided?: string;
+      ended?: string;
+      still_moving?: boolean;
       limits_deg?: Pair;
       settling_time_s?: number;
       saturated_share?: number;

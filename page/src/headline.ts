@@ -44,6 +44,7 @@ export class Headline {
 
 function toneOf({ margins, loop }: Found): string {
   if (!margins || isProblem(margins)) return "bad";
-  const hunts = loop && !isProblem(loop) && loop.outcome !== "settled" && loop.outcome;
-  return margins.stable && !hunts ? "good" : "bad";
+  const run = loop && !isProblem(loop) ? loop : undefined;
+  const fails = run && (run.ended || run.still_moving || (run.outcome && run.outcome !== "settled"));
+  return margins.stable && !fails ? "good" : "bad";
 }

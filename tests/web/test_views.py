@@ -132,9 +132,10 @@ def test_a_load_that_stalls_hunts_or_goes_on_is_said_to() -> None:
     """An engine that stalls, one whose fall is not over, and gains that hunt: words and measures say so, and claim no more."""
     gains = {"step": "load", "kp": 1.2, "ki": 2.0, "kd": 0.1}
     stalled = view({**gains, "load_step_n_m": 400.0, "until_s": 10.0}, "loop", "words")
-    assert "stalled" in stalled["loop"]["ended"]
+    assert re.fullmatch(r"stalls after 0\.\d+ s, at engine speed \d+\.?\d* rad/s", stalled["loop"]["ended"])
     assert "iae_rad" not in stalled["loop"]
-    assert "on the engine: stalled" in stalled["words"]["verdict"]
+    assert f"; the engine {stalled['loop']['ended']}" in stalled["words"]["verdict"]
+    assert any(line.startswith("The run ended early. Stalled: lee1995 with pid at t = 0.") for line in stalled["words"]["lines"])
     assert any("as far as it is shown" in line for line in stalled["words"]["lines"])
     falling = view({**gains, "load_step_n_m": 100.0}, "loop", "words")
     assert falling["loop"]["still_moving"] is True
@@ -146,6 +147,13 @@ def test_a_load_that_stalls_hunts_or_goes_on_is_said_to() -> None:
     calm = view({**gains, "until_s": 10.0}, "loop")["loop"]
     assert calm["outcome"] == "settled"
     assert calm["iae_rad"] > 0.5 * calm["droop_rad_s"] * calm["droop_at_s"]
+
+
+def test_an_engine_that_rests_later_than_is_shown_is_said_to() -> None:
+    """After a command beyond its reach for a while: what is shown ends far above the target."""
+    short, long = (view({"command_rad_s": 500.0, "until_s": until}, "loop", "words")["words"]["verdict"] for until in (4.0, 8.0))
+    assert "the engine comes to rest after 5.72 s, later than is shown" in short
+    assert "later than is shown" not in long
 
 
 def test_what_a_model_answers_does_not_depend_on_the_time_shown() -> None:
@@ -164,10 +172,11 @@ def test_short_lags_are_run_in_short_steps() -> None:
 
 def test_an_engine_that_stalls_without_a_controller_is_shown_until_then() -> None:
     found = view({"step": "throttle", "throttle_step_deg": -24.0}, "loop", "words")
-    assert "stalled" in found["loop"]["ended"]
+    assert "stalls after" in found["loop"]["ended"]
     assert 0.5 < found["loop"]["time_s"][-1] < 1.3
     assert found["words"]["verdict"].startswith("with the controller stable")
-    assert "on the engine: stalled" in found["words"]["verdict"]
+    assert "; the engine stalls after" in found["words"]["verdict"]
+    assert len(found["words"]["verdict"]) < 200
 
 
 def test_where_the_throttle_moves_nothing_its_control_is_named() -> None:

@@ -227,7 +227,7 @@ def test_a_command_to_zero_stalls_the_engine(engine: DelaySystem, point: Operati
     assert run.output[-1] == pytest.approx(run.outcome.value, abs=0.1)
     assert 20.0 < run.outcome.value < 30.0
     assert run.times[-1] == pytest.approx(run.outcome.time, abs=2e-3)
-    assert describe_outcome(run) == f"stalls after {run.outcome.time:.3g} s: engine_speed = {run.outcome.value:.4g}"
+    assert describe_outcome(run) == f"stalls after {run.outcome.time:.3g} s, at engine speed {run.outcome.value:.4g} rad/s"
     assert run.saturated_share == 1.0
 
 

@@ -286,4 +286,4 @@ def describe_outcome(run: LoopRun) -> str:
         return f"hunts between {outcome.low:.6g} and {outcome.high:.6g} {unit}, period {outcome.period:.4g} s"
     if isinstance(outcome, Diverged):
         return f"diverges: beyond {outcome.bound:g} {unit} from its target after {outcome.time:.3g} s"
-    return f"stalls after {outcome.time:.3g} s: {outcome.state} = {outcome.value:.4g}"
+    return str(outcome)

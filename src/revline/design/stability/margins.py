@@ -263,8 +263,9 @@ def _top(loop: OpenLoop, low: float) -> float:
     above = np.flatnonzero(~(sizes < FLOOR))
     if above.size and above[-1] == grid.size - 1:
         message = (
-            f"the loop {loop.name} is improper, or nearly so: its gain is still {sizes[-1]:.3g} at {HIGHEST:g} rad/s, so that margins at "
-            "high frequency mean nothing; filter the derivative, kd s/(1 + s kd/(N kp)) with N of 5 to 20, or add the actuator's lag"
+            f"the gain of the loop {loop.name} stays at {sizes[-1]:.3g} however high the frequency: it is improper, or nearly so, as a "
+            "derivative on a single lag is, and its margins there mean nothing; filter the derivative, kd s/(1 + s kd/(N kp)) with N of 5 "
+            "to 20, or add the actuator's lag"
         )
         raise InvalidInputError(message, gain=float(sizes[-1]))
     return float(grid[above[-1] + 1]) if above.size else float(grid[1])
