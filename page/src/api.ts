@@ -59,6 +59,8 @@ export interface Parts {
         delay_s: number;
         accepted: boolean;
         verdict: string;
+        /** Why the data do not determine it; empty where they do. */
+        undetermined: string[];
         curve: Curve;
         errors: { frequency_rad_s: number[]; magnitude_db: number[]; phase_deg: number[] };
       }
@@ -87,6 +89,8 @@ export interface Parts {
       outcome?: string;
       summary?: string;
       undecided?: string;
+      ended?: string;
+      still_moving?: boolean;
       limits_deg?: Pair;
       settling_time_s?: number;
       saturated_share?: number;
@@ -148,7 +152,15 @@ export const LIVE: PartName[] = [
   "words",
 ];
 
-export class Lost extends Error {}
+/** No answer, or none that can be read; `soon` where asking again at once may help. */
+export class Lost extends Error {
+  constructor(
+    message: string,
+    readonly soon = false,
+  ) {
+    super(message);
+  }
+}
 export class Refused extends Error {
   constructor(readonly problem: Problem) {
     super(problem.detail);
@@ -166,13 +178,14 @@ export interface View {
 /** Ask for parts of a view; `line` names what the newest of displaces what waits, on this page alone. */
 export async function fetchView(state: State, parts: PartName[], line = ""): Promise<View> {
   const answer = await post("/api/v1/view", { state, parts, whole: false }, CLIENT + line);
-  const { parts: found, later = [] } = (await answer.json()) as { parts: Found; later?: PartName[] };
-  return { parts: found, later };
+  const view = await read<Partial<View> | null>(answer.json());
+  if (!view?.parts) throw cutOff();
+  return { parts: view.parts, later: view.later ?? [] };
 }
 
 /** Ask for a text, such as a study file. */
 export async function fetchText(path: string, state: State): Promise<string> {
-  return (await post(path, { state }, CLIENT)).text();
+  return read((await post(path, { state }, CLIENT)).text());
 }
 
 /** Send a file of the user's own. */
@@ -180,12 +193,12 @@ export async function sendFile<T>(file: File, kind: string, state: State): Promi
   const query = new URLSearchParams({ name: file.name.slice(0, 80), state: JSON.stringify(state) });
   const headers = { "content-type": kind === "engine" ? "application/toml" : "text/csv" };
   const answer = await send(`/api/v1/files/${kind}?${query}`, { method: "POST", headers, body: file });
-  return answer.json() as Promise<T>;
+  return read(answer.json());
 }
 
 /** Ask for a job. */
 export async function startJob(kind: Job["kind"], state: State): Promise<Job> {
-  return (await post("/api/v1/jobs", { kind, state }, CLIENT)).json() as Promise<Job>;
+  return read((await post("/api/v1/jobs", { kind, state }, CLIENT)).json());
 }
 
 /** Change a job, as it was when it was listed: the server refuses where another page changed it since. */
@@ -197,7 +210,20 @@ export async function changeJob(job: Job, what: "cancel" | "resume" | "delete"):
 }
 
 export async function fetchJson<T>(path: string): Promise<T> {
-  return (await send(path, {})).json() as Promise<T>;
+  return read((await send(path, {})).json());
+}
+
+/** Read what an answer holds; one that ends before its end is lost. */
+async function read<T>(content: Promise<T>): Promise<T> {
+  try {
+    return await content;
+  } catch {
+    throw cutOff();
+  }
+}
+
+function cutOff(): Lost {
+  return new Lost("The server's answer was cut off", true);
 }
 
 function post(path: string, body: unknown, client: string): Promise<Response> {
@@ -210,14 +236,14 @@ async function send(path: string, options: RequestInit): Promise<Response> {
   try {
     answer = await fetch(path, options);
   } catch {
-    throw new Lost("the server does not answer");
+    throw new Lost("The server does not answer");
   }
   if (answer.ok) return answer;
   let problem: Problem;
   try {
     problem = (await answer.json()) as Problem;
   } catch {
-    throw new Lost(`the server answers ${answer.status}`);
+    throw new Lost(`The server answers ${answer.status}`);
   }
   throw new Refused(problem);
 }
@@ -254,7 +280,11 @@ export class Follower<Asked, Answer> {
       try {
         this.show(await this.ask(asked), asked);
       } catch (error) {
-        this.fail(error, asked);
+        try {
+          this.fail(error, asked);
+        } catch (fault) {
+          reportError(fault); // what follows is asked for all the same
+        }
       }
     }
     this.running = false;

@@ -2,10 +2,12 @@
 
 import { type Curve, isProblem, Lost, type Problem, Refused } from "./api";
 import { COLORS } from "./colors";
-import { NAMES } from "./drawings";
+import { DASHES, NAMES } from "./curves";
+import type { Line } from "./drawing";
 import { showNumber } from "./export";
 import { element } from "./parts";
-import { type Line, Plot } from "./plot";
+import { Plot } from "./plot";
+import type { Own } from "./responses";
 import type { State } from "./state";
 
 export type FileKind = "response" | "log" | "engine";
@@ -25,7 +27,7 @@ interface Difference {
 
 type Fitted = Record<
   string,
-  OrProblem<{ max_magnitude_error_db: number; max_phase_error_deg: number; delay_s: number }>
+  OrProblem<{ max_magnitude_error_db: number; max_phase_error_deg: number; delay_s: number; undetermined: string[] }>
 >;
 type Compared = OrProblem<{ exact: Difference; harmonic_balance: OrProblem<Difference> }>;
 
@@ -55,11 +57,17 @@ export interface LogAnswer {
       relative_deviation: number[];
       relative_bias: number[];
       between_samples: string;
+      /** Whether that was said, or to be seen. */
+      between_samples_known: boolean;
+      /** How many frequencies more were looked at and told nothing that can be trusted. */
+      left_out: number;
       remark?: string;
     }
   >;
   notes: string[];
 }
+
+type Told = Exclude<LogAnswer["response"], { problem: Problem }>;
 
 export interface EngineAnswer {
   kind: "engine";
@@ -72,7 +80,7 @@ export type FileAnswer = ResponseAnswer | LogAnswer | EngineAnswer;
 
 export interface DataCalls {
   send: (file: File, kind: FileKind) => Promise<FileAnswer>;
-  curve: (curve: Curve | undefined) => void;
+  curve: (curve: Own | undefined) => void;
   engine: (state: Partial<State>) => void;
   opened: (on: boolean) => void;
 }
@@ -93,7 +101,8 @@ function fittedLines(models: Fitted): string[] {
     const title = NAMES[name] ?? name;
     if (isProblem(fit)) return `${title}: ${(fit as { problem: Problem }).problem.detail}`;
     const delay = fit.delay_s ? `, delay ${showNumber(1000 * fit.delay_s, 4)} ms` : "";
-    return `${title} fitted: off by at most ${showNumber(fit.max_magnitude_error_db, 3)} dB and ${showNumber(fit.max_phase_error_deg, 3)} deg${delay}`;
+    const doubt = fit.undetermined.length > 0 ? `; the data do not determine it: ${fit.undetermined.join("; ")}` : "";
+    return `${title} fitted: off by at most ${showNumber(fit.max_magnitude_error_db, 3)} dB and ${showNumber(fit.max_phase_error_deg, 3)} deg${delay}${doubt}`;
   });
 }
 
@@ -107,16 +116,32 @@ function comparedLines(engine: Compared): string[] {
 }
 
 /** What is said of the response that a log tells, and of how far it can be trusted. */
-function toldLines(told: Exclude<LogAnswer["response"], { problem: Problem }>): string[] {
+function toldLines(told: Told): string[] {
   const most = (parts: number[]) => `${showNumber(100 * Math.max(0, ...parts), 2)} %`;
   const trust = `standard deviation at most ${most(told.relative_deviation)}, not random at most ${most(told.relative_bias)}`;
+  const without = "had too little coherence or input, or too large a bound of what is not random";
   return [
     `its response: ${told.frequency_rad_s.length} frequencies; ${trust}`,
+    ...(told.left_out > 0 ? [`${told.left_out} more frequencies are left out: they ${without}`] : []),
     `throttle between the samples: ${told.between_samples}`,
     ...(told.remark ? [told.remark] : []),
     ...comparedLines(told.engine),
     ...fittedLines(told.models),
   ];
+}
+
+/** The response that a log tells, for drawing, with what was assumed to find it. */
+export function ownOf({ response }: LogAnswer): Own | undefined {
+  if (isProblem(response)) return undefined;
+  const {
+    frequency_rad_s,
+    magnitude_db,
+    phase_deg,
+    between_samples: course,
+    between_samples_known: known,
+  } = response as Told;
+  const note = known ? {} : { note: `own data: throttle taken as ${course} between samples` };
+  return { frequency_rad_s, magnitude_db, phase_deg, ...note };
 }
 
 /** What is said of a file, a line each. */
@@ -228,7 +253,7 @@ export class Data {
     if (answer.kind === "response") this.calls.curve(answer.response);
     if (answer.kind === "engine") this.calls.engine(answer.state);
     if (answer.kind === "log") {
-      this.calls.curve(isProblem(answer.response) ? undefined : (answer.response as Curve));
+      this.calls.curve(ownOf(answer));
       this.shown.append(logPlot(answer));
     }
     this.shown.append(list);
@@ -247,7 +272,8 @@ function logPlot(answer: LogAnswer): HTMLElement {
     if (isProblem(one)) return;
     lines.push({ label, color, x: one.time_s, y: one.speed_rad_s, ...(dash ? { dash } : {}) });
   };
-  for (const [name, one] of Object.entries(answer.models)) add(NAMES[name] ?? name, COLORS[name as "g1"], one, [5, 3]);
+  for (const [name, one] of Object.entries(answer.models))
+    add(NAMES[name] ?? name, COLORS[name as "g1"], one, DASHES[name as "g1"]);
   add("exact", COLORS.exact, answer.exact, [9, 3]);
   add("engine", COLORS.engine, answer.engine);
   const { time_s: x, speed_rad_s: y } = answer.log;

@@ -1,6 +1,6 @@
 /** What a plot shows as numbers and text: CSV with units in its header, ticks at round numbers. */
 
-import type { Axis, Drawing } from "./plot";
+import type { Axis, Drawing } from "./drawing";
 
 /** Ticks at round numbers: decades where the axis is logarithmic. */
 export function ticks(low: number, high: number, log: boolean, about = 6): number[] {

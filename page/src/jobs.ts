@@ -82,7 +82,8 @@ export class Jobs {
   private button(text: string, act: () => Promise<unknown>): HTMLButtonElement {
     const made = element("button", { type: "button", textContent: text });
     made.addEventListener("click", async () => {
-      made.disabled = true;
+      if (made.ariaDisabled) return;
+      made.ariaDisabled = "true"; // not `disabled`, which would lose the focus
       this.told.textContent = "";
       try {
         await act();
@@ -90,7 +91,7 @@ export class Jobs {
         if (!(error instanceof Refused || error instanceof Lost)) throw error;
         this.told.textContent = error.message;
       } finally {
-        made.disabled = false;
+        made.ariaDisabled = null;
       }
       await this.look();
     });
@@ -123,10 +124,17 @@ export class Jobs {
     const text = JSON.stringify(jobs);
     if (text === this.drawn) return;
     this.drawn = text;
-    const held = document.activeElement?.id;
+    const held = this.list.contains(document.activeElement) ? document.activeElement?.id : undefined;
     this.list.replaceChildren(...jobs.map((job) => this.entry(job)));
     if (jobs.length === 0) this.list.append(element("li", { textContent: "none yet" }));
-    if (held) document.getElementById(held)?.focus();
+    if (held) this.refocus(held);
+  }
+
+  /** Give the focus to what had it; where that is gone, to what can be done with the same job, or with the next. */
+  private refocus(id: string): void {
+    const job = document.getElementById(id.replace(/^[a-z]+-/, "job-"));
+    const next = document.getElementById(id) ?? job?.querySelector("button") ?? this.panel.querySelector("button");
+    next?.focus();
   }
 
   private entry(job: Job): HTMLElement {

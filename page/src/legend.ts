@@ -1,8 +1,8 @@
 /** The legend below a plot: each curve's name beside a key drawn as the curve is. */
 
 import { shown } from "./colors";
+import type { Drawing, Line } from "./drawing";
 import { element } from "./parts";
-import type { Drawing, Line } from "./plot";
 
 const CROSS = "M6 1l6 6m0 -6l-6 6";
 const RING = "M6 4a3 3 0 1 0 6 0a3 3 0 1 0 -6 0";

@@ -1,7 +1,7 @@
 /** What each part of a view depends on, so that a move asks for that alone, and draws that alone. */
 
 import type { PartName } from "./api";
-import type { State } from "./state";
+import { DEFAULTS, type State } from "./state";
 
 type Key = keyof State;
 
@@ -42,6 +42,12 @@ export function keyOf(part: PartName, state: State): string {
       key === "parameters" ? Object.entries(state.parameters).sort(([a], [b]) => (a < b ? -1 : 1)) : state[key],
     ),
   );
+}
+
+/** Whether two states have the same steady speeds over the throttle; only the straight line through them is of one point. */
+export function sameSpeeds(a: State, b: State): boolean {
+  const of = ({ engine, load_n_m, parameters }: State) => keyOf("map", { ...DEFAULTS, engine, load_n_m, parameters });
+  return of(a) === of(b);
 }
 
 /** What was read of an object, and whether it would be read again. */

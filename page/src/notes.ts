@@ -41,3 +41,10 @@ export function lacks(note: string): boolean {
 export function shareFound(notes: readonly string[]): string | undefined {
   return notes.find(lacks)?.match(/\d+ of \d+ frequencies/)?.[0];
 }
+
+/** Why the data do not determine a fitted model, where they do not. */
+export function doubtOf(found: Found, name: string): string | undefined {
+  const { models } = found;
+  const reasons = models && !isProblem(models) ? (models[name]?.undetermined ?? []) : [];
+  return reasons.length > 0 ? reasons.join("; ") : undefined;
+}

@@ -1,7 +1,8 @@
 /** Margins and measures in numbers, as a table beside the plots. */
 
 import { type Found, isProblem, type Promise_ } from "./api";
-import { responseNotes } from "./notes";
+import { NAMES } from "./curves";
+import { doubtOf, responseNotes } from "./notes";
 
 type Cell = string;
 
@@ -26,6 +27,14 @@ export function rowsOf(found: Found): [string, Cell, Cell, Cell, Cell][] {
     row("delay (ms)", (one) => safe(one, one.delay_margin_s, 2, 1000)),
     row("Ms", (one) => (one.stable && one.ms !== undefined ? one.ms.toFixed(2) : "–")),
   ];
+}
+
+/** Which models promise something that their data do not determine, and why. */
+export function doubtsOf(found: Found): string[] {
+  return Object.entries(NAMES).flatMap(([name, title]) => {
+    const doubt = doubtOf(found, name);
+    return doubt === undefined ? [] : [`the data do not determine the model ${title}: ${doubt}`];
+  });
 }
 
 function sentence(text: string): string {
@@ -66,6 +75,11 @@ export class Numbers {
     figure.append(caption, box);
   }
 
+  /** Say that they are no longer true. */
+  grey(): void {
+    this.figure.classList.add("stale");
+  }
+
   show(found: Found): void {
     this.figure.classList.toggle("stale", found.margins === undefined || isProblem(found.margins));
     if (!this.figure.classList.contains("stale")) {
@@ -82,7 +96,7 @@ export class Numbers {
     }
     const said = found.words?.lines ?? [];
     const limits = found.validity && !isProblem(found.validity) ? found.validity.warnings : [];
-    const more = [...limits, ...responseNotes(found)].map(sentence);
+    const more = [...limits, ...doubtsOf(found), ...responseNotes(found)].map(sentence);
     this.lines.replaceChildren(
       ...[...said.slice(0, 1), ...more.filter((text) => !said.includes(text)), ...said.slice(1)].map((text) =>
         Object.assign(document.createElement("li"), { textContent: text }),

@@ -2,8 +2,8 @@
 
 import type uPlot from "uplot";
 import { shown } from "./colors";
+import type { Drawing, Line, Shade } from "./drawing";
 import { keyOf, legendText, named } from "./legend";
-import type { Drawing, Line, Shade } from "./plot";
 
 export function paintDrawing(chart: uPlot, drawing: Drawing): void {
   const { ctx, bbox } = chart;
@@ -128,7 +128,7 @@ export function pictureOf(title: string, source: HTMLCanvasElement | null, drawi
     ctx.fillStyle = ink;
     ctx.fillText(legendText(line), left + 24, height(at));
   }
-  if (drawing.note) ctx.fillText(drawing.note, 8, height(row + 1));
+  if (drawing.note) ctx.fillText(drawing.note, 8, height(row + 1), width - 16);
   return canvas;
 }
 

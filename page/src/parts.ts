@@ -8,6 +8,13 @@ export function element<Name extends keyof HTMLElementTagNameMap>(
   return Object.assign(document.createElement(name), properties);
 }
 
+/** The element of the page that has this name. */
+export function need<T extends HTMLElement = HTMLElement>(id: string): T {
+  const found = document.getElementById(id);
+  if (!found) throw new Error(`the page has no ${id}`);
+  return found as T;
+}
+
 /** A duration in words: 42 s, 3 min 20 s. */
 export function clock(seconds: number): string {
   const whole = Math.max(0, Math.round(seconds));

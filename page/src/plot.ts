@@ -2,6 +2,7 @@
 
 import uPlot from "uplot";
 import { isDark, shown } from "./colors";
+import type { Axis, Drawing, Line } from "./drawing";
 import { csvOf, showNumber } from "./export";
 import { Legend } from "./legend";
 import { paintDrawing, pictureOf } from "./paint";
@@ -9,44 +10,6 @@ import { element } from "./parts";
 import { readingsOf } from "./readings";
 import { svgOf } from "./svg";
 import { showTable } from "./table";
-
-export interface Line {
-  label: string;
-  color: string;
-  x: readonly number[];
-  y: readonly number[];
-  dash?: number[];
-  width?: number;
-  marker?: "dot" | "ring" | "cross";
-  /** What the legend says in place of the label, how its key is drawn, and what is told of it. */
-  legend?: string;
-  key?: "both";
-  title?: string;
-  /** Drawn and saved, but not named in the legend. */
-  quiet?: boolean;
-}
-
-export interface Axis {
-  label: string;
-  unit: string;
-  log?: boolean;
-}
-
-export interface Shade {
-  rows: readonly string[];
-  x: [number, number];
-  y: [number, number];
-}
-
-export interface Drawing {
-  lines: Line[];
-  x: [number, number];
-  y: [number, number];
-  shade?: Shade;
-  summary: string;
-  /** A remark at the end of the legend. */
-  note?: string;
-}
 
 export type DragPhase = "move" | "end" | "cancel";
 
@@ -179,7 +142,7 @@ export class Plot {
         },
         axes: [
           { ...axis(axisText(x)), size: 22 },
-          { ...axis(axisText(y)), size: 44 },
+          { ...axis(axisText(y)), size: 44, space: 22 },
         ],
         series: [{}, { show: true, stroke: "transparent", points: { show: false }, paths: () => null }],
         hooks: {

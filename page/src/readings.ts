@@ -1,7 +1,7 @@
 /** What the cursor reads from curves. */
 
+import type { Line } from "./drawing";
 import { showNumber } from "./export";
-import type { Line } from "./plot";
 
 export interface Reading {
   label: string;

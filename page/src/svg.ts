@@ -1,9 +1,9 @@
 /** A plot as a picture of its own: the same curves, marks and areas, on white ground. */
 
+import type { Axis, Drawing, Line } from "./drawing";
 import { escapeText, showNumber, ticks, unitText } from "./export";
 import { KEYS, keyOf, legendText, named } from "./legend";
 import { rectanglesOf } from "./paint";
-import type { Axis, Drawing, Line } from "./plot";
 
 const WIDTH = 640;
 const HEIGHT = 420;
@@ -122,9 +122,22 @@ function legendOf(drawing: Drawing): { parts: string[]; rows: number } {
     parts.push(`<text x="${x + 23}" y="${y}">${escapeText(text)}</text>`);
     x += needed;
   }
-  if (drawing.note) {
+  for (const text of drawing.note ? wrapped(drawing.note) : []) {
     row += 1;
-    parts.push(`<text x="${LEFT}" y="${HEIGHT + ROW * row + 8}" fill="#555">${escapeText(drawing.note)}</text>`);
+    parts.push(`<text x="${LEFT}" y="${HEIGHT + ROW * row + 8}" fill="#555">${escapeText(text)}</text>`);
   }
   return { parts, rows: row + 1 };
+}
+
+const LONGEST = 88;
+
+/** A remark in lines that fit. */
+function wrapped(text: string): string[] {
+  const lines = [""];
+  for (const word of text.split(" ")) {
+    const last = lines[lines.length - 1] ?? "";
+    if (last !== "" && last.length + word.length >= LONGEST) lines.push(word);
+    else lines[lines.length - 1] = last === "" ? word : `${last} ${word}`;
+  }
+  return lines;
 }

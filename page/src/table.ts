@@ -1,7 +1,7 @@
 /** A plot as a table of numbers, for whoever does not see it or wants them exactly. */
 
+import type { Axis, Drawing } from "./drawing";
 import { showNumber, unitText } from "./export";
-import type { Axis, Drawing } from "./plot";
 
 const ROWS = 60;
 

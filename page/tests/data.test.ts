@@ -1,5 +1,6 @@
 import { describe, expect, it } from "vitest";
-import { kindOf, linesOf } from "../src/data";
+import { kindOf, type LogAnswer, linesOf, ownOf } from "../src/data";
+import { drawBode } from "../src/responses";
 
 describe("own files", () => {
   it("are known by name and header", () => {
@@ -20,7 +21,7 @@ describe("own files", () => {
 
   it("say how far the response of a log can be trusted", () => {
     const problem = { problem: { title: "", detail: "too few points", status: 422 } };
-    const lines = linesOf({
+    const answer: LogAnswer = {
       kind: "log",
       name: "a",
       duration_s: 10,
@@ -37,14 +38,24 @@ describe("own files", () => {
         engine: problem,
         relative_deviation: [0.01, 0.002],
         relative_bias: [0.03, 0.05],
-        between_samples: "held",
+        between_samples: "straight",
+        between_samples_known: false,
+        left_out: 3,
         remark: "it was not said",
       },
       notes: [],
-    });
+    };
+    const lines = linesOf(answer);
     expect(lines).toContain("its response: 2 frequencies; standard deviation at most 1 %, not random at most 5 %");
-    expect(lines).toContain("throttle between the samples: held");
+    expect(lines.find((line) => line.startsWith("3 more frequencies are left out"))).toContain("too little coherence");
+    expect(lines).toContain("throttle between the samples: straight");
     expect(lines).toContain("it was not said");
+    const known = { ...answer, response: { ...answer.response, between_samples_known: true } };
+    expect(ownOf(known as LogAnswer)?.note).toBeUndefined();
+    const own = ownOf(answer);
+    const note = "own data: throttle taken as straight between samples";
+    expect(own?.note).toBe(note);
+    expect(drawBode({ response: { exact: problem, harmonic_balance: problem } }, "phase_deg", own)?.note).toBe(note);
   });
 
   it("tell problems in place of numbers", () => {

@@ -1,8 +1,8 @@
 import { describe, expect, it } from "vitest";
-import { fromPosition, stepped, toPosition } from "../src/controls";
-import { rangeOf } from "../src/drawings";
+import { rangeOf } from "../src/curves";
 import { csvOf, escapeText, ticks } from "../src/export";
 import { rectanglesOf } from "../src/paint";
+import { fromPosition, stepped, toPosition } from "../src/scales";
 import { svgOf } from "../src/svg";
 
 const x = { label: "frequency", unit: "rad/s", log: true };

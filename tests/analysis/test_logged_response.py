@@ -5,10 +5,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.signal import max_len_seq
+from scipy.signal import cont2discrete, lfilter, max_len_seq
 
 from revline.analysis import logged_response
-from revline.analysis.logged_response import Between, LoggedResponse, estimate_response, looks_held
+from revline.analysis.local_polynomials import fit_locally
+from revline.analysis.logged_response import Between, LoggedResponse, _aliases, _uncertain, estimate_response, looks_held
 from revline.errors import AnalysisError, InvalidInputError
 
 Floats = NDArray[np.float64]
@@ -158,6 +159,72 @@ def test_uneven_samples_widen_the_bound(between: Between) -> None:
     assert np.all(found.bias > 0.15 * found.response.omega * STEP)
 
 
+@pytest.mark.parametrize("method", ["foh", "zoh"])
+def test_behind_a_resonance_a_response_is_not_taken_to_fall_as_steeply_as_there(method: str) -> None:
+    """A resonance within the last octave told: by the slope behind it the bound was 27 times too small."""
+    draw = np.random.default_rng(8)
+    u = np.repeat(draw.choice([-1.0, 1.0], 4000), 2) if method == "zoh" else draw.standard_normal(8000)
+    slow = np.array([1.0 / 100.0**2, 2.0 * 0.03 / 100.0, 1.0])
+    top, bottom, _ = cont2discrete(([1.0], slow), STEP, method=method)
+    between = Between.HELD if method == "zoh" else Between.STRAIGHT
+    found, _ = estimated(u, lfilter(np.ravel(top), bottom, u), between)
+    errors = np.abs(found.response.values * np.polyval(slow, 1j * found.response.omega) - 1.0)
+    assert np.all(errors <= found.bias + 4.0 * found.deviation)
+    assert found.response.omega[-1] > 120.0
+
+
+def closed_loop(command: Floats, disturbance: Floats) -> tuple[Floats, Floats]:
+    """Control and output of a sampled PI controller around the exact plant, whose output is disturbed."""
+    step, moves, u, y = step_answer(np.arange(command.size) * STEP), *np.zeros((3, command.size))
+    held = 0.0
+    for k in range(command.size):
+        y[k] = disturbance[k] + moves[:k] @ step[k:0:-1]
+        held += 4.0 * STEP * (command[k] - y[k])
+        u[k] = 2.0 * (command[k] - y[k]) + held
+        moves[k] = u[k] - (u[k - 1] if k else 0.0)
+    return u, y
+
+
+def test_under_feedback_the_command_tells_the_plant_or_nothing() -> None:
+    """Disturbed, the records of a loop tell the controller turned round, with all their bounds; its command does not, or refuses."""
+    draw, command = np.random.default_rng(5), np.repeat(2.0 * max_len_seq(9)[0] - 1.0, 12)[:6000]
+    rough = np.convolve(draw.standard_normal(command.size), 0.9 ** np.arange(60))[: command.size]
+    times = STEP * np.arange(command.size)
+
+    def estimate(noise: float, told: Floats | None) -> tuple[LoggedResponse, Floats]:
+        u, y = closed_loop(command, noise * rough)
+        found = estimate_response(times, u, y, names=("u", "y"), units=("1", "1"), between=Between.HELD, command=told)
+        return found, np.abs(found.response.values / exact_response(found.response.omega) - 1.0)
+
+    for noise in (0.0, 0.05):
+        found, errors = estimate(noise, command)
+        assert found.response.omega.size > 30
+        assert np.all(errors <= found.bias + 4.0 * found.deviation)
+    found, errors = estimate(1.0, None)
+    assert np.all(errors > found.bias + 4.0 * found.deviation)
+    with pytest.raises(AnalysisError, match=r"at no frequency does the command explain u and y: the largest coherence is 0.33"):
+        estimate(1.0, command)
+
+
+RISING, MOVING = STEP * np.arange(300.0), prbs()[:300]
+
+
+@pytest.mark.parametrize(
+    ("times", "u", "command", "words"),
+    [
+        (RISING, MOVING[:-1], None, r"u has shape \(299,\) beside times of shape \(300,\); give columns of equal length"),
+        (RISING, np.where(np.arange(300) == 5, np.nan, MOVING), None, "u = nan in sample 5; leave out what is not finite"),
+        (RISING, MOVING, np.where(np.arange(300) == 7, np.inf, MOVING), "command = inf in sample 7"),
+        (RISING, MOVING, np.zeros(300), "command does not move in this record"),
+        (np.where(np.arange(300) == 5, RISING[4], RISING), MOVING, None, r"time does not rise after sample 4, at 0.04 s"),
+    ],
+    ids=["short", "nan", "infinite", "still", "repeated"],
+)
+def test_columns_that_are_none_are_refused(times: Floats, u: Floats, command: Floats | None, words: str) -> None:
+    with pytest.raises(InvalidInputError, match=words):
+        estimate_response(times, u, MOVING, names=("u", "y"), units=("1", "1"), command=command)
+
+
 def test_what_is_known_too_badly_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     u = prbs()
     monkeypatch.setattr(logged_response, "MOST_BIAS", 1e-9)
@@ -178,3 +245,49 @@ def test_what_is_known_too_badly_is_refused(monkeypatch: pytest.MonkeyPatch) -> 
 )
 def test_held_inputs_are_recognised(values: Floats, held: bool) -> None:  # noqa: FBT001 - drawn by the table
     assert looks_held(values) is held
+
+
+def test_the_deviation_is_that_of_the_errors() -> None:
+    """Over some 1000 frequencies of records with noise, errors of the magnitude are as large as told: half the variance would give 1.41."""
+    u, draw = draw_noise(11), np.random.default_rng(12)
+    y, ratios = answer_held(u), []
+    for _ in range(20):
+        found, _ = estimated(u, y + draw.normal(0.0, 0.02, y.size), Between.HELD)
+        errors = np.abs(found.response.values / exact_response(found.response.omega)) - 1.0
+        ratios.append((errors / found.deviation)[found.bias < 0.5 * found.deviation])
+    together = np.concatenate(ratios)
+    assert together.size > 300
+    assert np.sqrt(np.mean(together**2)) == pytest.approx(1.0, abs=0.12)
+
+
+def draw_noise(seed: int) -> Floats:
+    return np.random.default_rng(seed).standard_normal(8000)
+
+
+def test_noise_is_seldom_taken_for_bias() -> None:
+    """A response that does not change with the frequency has no bias: of noise one fit in 20, as exp(-3) says, is told one."""
+    draw = np.random.default_rng(13)
+    u, noise = draw.standard_normal((2, 400, 49, 2)).view(complex)[..., 0]
+    told = [fit_locally(one, 2.0 * one + other, 24, 24).bias > 0.0 for one, other in zip(u, noise, strict=True)]
+    assert np.mean(told) == pytest.approx(np.exp(-3.0), abs=0.03)
+
+
+@pytest.mark.parametrize("between", [Between.HELD, Between.STRAIGHT])
+def test_what_samples_cannot_tell_apart_is_summed_over_all_multiples(between: Between) -> None:
+    """Closed form: the sum of 1/(x + k)^2 over all k is (pi/sin(pi x))^2; 60 on either side lack a hundredth of it."""
+    part = np.linspace(0.01, 0.3, 60)
+    omega = 2.0 * np.pi / STEP * part
+    sizes = 1.0 / omega if between is Between.HELD else np.ones(60)
+    others = (np.pi / np.sin(np.pi * part)) ** 2 - 1.0 / part**2
+    top = float(np.max(sizes[omega >= logged_response.NEAR_TOP * omega[-1]])) / sizes
+    expected = top * others * part * (part[-1] if between is Between.HELD else part)
+    assert _aliases(omega, sizes, STEP, between) == pytest.approx(expected, rel=0.015)
+
+
+def test_uneven_samples_may_lose_what_straight_lines_lose() -> None:
+    """Halfway between samples a straight line has cos(turn/2) of a sinusoid; both records were interpolated."""
+    turn = np.linspace(0.1, 1.9, 19)
+    beside = _uncertain(turn, Between.STRAIGHT, True, 0.01) - 0.01 * turn  # noqa: FBT003 - a fact, not a mode
+    assert np.all(beside >= 2.0 * (1.0 - np.cos(0.5 * turn)))
+    assert np.all(beside <= 1.1 * 2.0 * (1.0 - np.cos(0.5 * turn)))
+    assert _uncertain(turn, Between.STRAIGHT, True, 0.5 * logged_response.EVEN).tolist() == [0.0] * 19  # noqa: FBT003 - a fact, not a mode

@@ -8,13 +8,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from revline.analysis import steady_map
+from revline.analysis import steady_map, trim_branches
 from revline.analysis.linearize import linearize
+from revline.analysis.steady_equations import SteadyEquations, _newton
 from revline.analysis.steady_map import SteadyMap, find_steady_map
 from revline.analysis.trim import Trim, find_trim
-from revline.analysis.trim_branches import follow_each
+from revline.analysis.trim_branches import find_rests_along, follow_each
 from revline.engine.lee1995 import LEE_1995, lee1995
-from revline.errors import InvalidInputError, NoTrimError
+from revline.errors import InvalidInputError, NoTrimError, RevlineError
+from revline.lti.root_batches import characteristic_roots_each
+from revline.lti.roots import RightmostRoots
+from revline.lti.state_space import DelayStateSpace
 from revline.system import DelaySystem, Floats
 
 
@@ -181,6 +185,7 @@ def test_no_steady_state_anywhere(endless: DelaySystem) -> None:
     [
         ({"values": [1.0]}, r"values of force have shape \(1,\); give a list of at least two"),
         ({"values": [1.0, 1.0]}, r"values of force do not rise strictly"),
+        ({"values": [np.inf, np.inf]}, r"values of force hold inf; give finite ones"),
         ({"values": [0.0, 9.0]}, r"force = 9 N is outside -5 to 5 N"),
         ({"sweep_input": "power"}, r"there is no signal power"),
         ({"output": "power"}, r"there is no signal power"),
@@ -199,3 +204,38 @@ def test_map_checks_itself(engine_map: SteadyMap) -> None:
         replace(engine_map, values=np.array([1.0, 2.0]))
     with pytest.raises(ValueError, match="read-only"):
         engine_map.values[0] = 0.0
+
+
+def test_a_branch_is_followed_both_ways_over_many_values(cubic: DelaySystem, monkeypatch: pytest.MonkeyPatch) -> None:
+    """x^3 - x = u has three roots where |u| < 0.385: of one start each, a value finds one, and the others through its neighbours."""
+    monkeypatch.setattr(trim_branches, "STARTS", 1)
+    forces = np.linspace(-1.0, 1.0, 41)
+    for force, rests in zip(forces, find_rests_along(cubic, [{"force": float(force)} for force in forces]), strict=True):
+        roots = np.roots([1.0, 0.0, -1.0, -force])
+        outer = np.sort([z.real for z in roots if abs(z.imag) < 1e-9 and abs(z.real) > 1.0 / np.sqrt(3.0)])
+        states = np.array([trim.state("position") for trim in rests.candidates])
+        assert np.max(np.min(np.abs(outer[:, None] - states), axis=1)) < 1e-6
+
+
+def test_many_values_are_searched_in_parts(cubic: DelaySystem, monkeypatch: pytest.MonkeyPatch) -> None:
+    """So that memory is bounded: of 40 values no more than 8 at once, with the same answer."""
+    whole = find_steady_map(cubic, sweep_input="force", values=np.linspace(-2.0, 2.0, 40), output="position")
+    searched, judged = list[int](), list[int]()
+
+    def counted(equations: SteadyEquations, starts: Floats, known: Floats | None) -> Floats:
+        searched.append(1 if known is None else len(np.unique(known, axis=0)))
+        return _newton(equations, starts, known)
+
+    def judging(systems: Sequence[DelayStateSpace]) -> tuple[RightmostRoots | RevlineError, ...]:
+        judged.append(len(systems))
+        return characteristic_roots_each(systems)
+
+    monkeypatch.setattr("revline.analysis.steady_equations._newton", counted)
+    monkeypatch.setattr("revline.analysis.trim.characteristic_roots_each", judging)
+    for module in ("steady_equations", "trim"):
+        monkeypatch.setattr(f"revline.analysis.{module}.AT_ONCE", 8)
+    parts = find_steady_map(cubic, sweep_input="force", values=np.linspace(-2.0, 2.0, 40), output="position")
+    assert (max(searched), max(judged)) == (8, 8)
+    assert sum(judged) > 40
+    assert parts.states.tolist() == whole.states.tolist()
+    assert [len(entry.alternatives) for entry in parts.trims] == [len(entry.alternatives) for entry in whole.trims]

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from revline.analysis.halton import halton
 from revline.analysis.linearize import linearize
-from revline.analysis.steady_equations import halton
 from revline.analysis.trim import Trim, find_trim, pose
 from revline.analysis.trim_refusals import LeftOut
 from revline.errors import InvalidInputError, NoTrimError

@@ -24,6 +24,7 @@ VERBATIM = ROOT / "tests" / "acceptance" / "check_study.py"
 OTHERS = sorted(path for folder in ("tests", "benchmarks", "docs") for path in (ROOT / folder).rglob("*.py") if path != VERBATIM)
 
 MODULE_LINES = 400
+PAGE_LINES = 300
 FUNCTION_LINES = 50
 
 MUTABLE_LITERALS = (ast.List, ast.Dict, ast.Set, ast.ListComp, ast.DictComp, ast.SetComp)
@@ -203,6 +204,12 @@ def test_there_are_sources_to_check() -> None:
 @pytest.mark.parametrize("path", SOURCES + OTHERS, ids=relative)
 def test_modules_are_short(path: Path) -> None:
     assert len(path.read_text().splitlines()) <= MODULE_LINES
+
+
+def test_the_page_s_modules_are_short() -> None:
+    lengths = {path.name: len(path.read_text().splitlines()) for path in (ROOT / "page" / "src").glob("*.ts")}
+    assert "main.ts" in lengths
+    assert {name: lines for name, lines in lengths.items() if lines > PAGE_LINES} == {}
 
 
 @pytest.mark.parametrize("path", SOURCES + OTHERS, ids=relative)

@@ -113,6 +113,7 @@ def test_map_writes_its_table_and_names_where_it_ends(revline: Command, tmp_path
     ("arguments", "status", "message"),
     [
         (("--from", 30, "--to", 20), 2, "--from 30 is not below --to 20: the angles must rise; give the lower one first"),
+        (("--to", "inf"), 2, "error: --to inf is no angle; give a number of degrees"),
         (("--from", 20, "--to", 100), 2, "throttle = 100 deg is outside 0 to 90 deg"),
         (("--from", 0, "--to", 2, "--points", 3), 1, "no steady state at any throttle"),
         (("--out", "absent/map.csv"), 2, "its folder absent does not exist; make it first"),

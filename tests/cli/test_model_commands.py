@@ -45,6 +45,16 @@ def test_fit_gives_the_poles_of_g3_and_the_delay_of_g2d(revline: Command, table:
     assert str(record["verdict"]).startswith("accepted, with a delay of 0.0213 s")
 
 
+def test_fit_says_where_the_data_do_not_determine_a_model(revline: Command, tmp_path: Path, table: Path) -> None:
+    path = tmp_path / "few.csv"
+    path.write_text("frequency_rad_s,magnitude,phase_deg\n0.1,12.0,-4.0\n100,0.03,-330\n")
+    done = revline("fit", path, "--zeros", 0, "--poles", 2, "--json")
+    (reason,) = json.loads(done.out)["undetermined"]
+    assert reason.startswith("its denominator's last coefficient may as well be 0 (")
+    assert "warning: the data do not determine the model: its denominator" in " ".join(done.err.split())
+    assert fitted(revline, table, "--zeros", 0, "--poles", 2)["undetermined"] == []
+
+
 def test_fit_writes_a_model_file_with_what_people_see(revline: Command, table: Path, tmp_path: Path) -> None:
     path = tmp_path / "g2d.json"
     done = revline("fit", table, "--zeros", 0, "--poles", 2, "--delay", "phase-line", "--out", path)

@@ -21,7 +21,7 @@ from revline.analysis.trim import find_trim
 from revline.design.controllers.gain_schedule import GainSchedule, Scaling
 from revline.design.controllers.pid_controller import AntiWindup, PidController
 from revline.design.controllers.pid_update import ROUNDING_SINGLE, sampled_pid
-from revline.design.controllers.scheduled_pid import ScheduledController
+from revline.design.controllers.scheduled_pid import ScheduledController, scheduled_pid
 from revline.design.loops.sampled_loop import Disturbance, SampledRun, SampledTask, run_sampled_loop
 from revline.design.plants.loop_signals import operating_point
 from revline.engine.lee1995 import lee1995
@@ -273,6 +273,25 @@ def test_what_cannot_be_written_is_refused() -> None:
     with pytest.raises(InvalidInputError, match=r"an update calls numpy\.exp, which cannot be written as code"):
         np.exp(given("x"))
     assert isinstance(1.0 / -given("x") - 2.0 * given("y"), Operation)
+
+
+def test_nodes_that_single_precision_does_not_tell_apart_are_refused() -> None:
+    """Between them the gains would be 0/0."""
+    flat = np.ones((3, 2))
+    schedule = GainSchedule(
+        names=("engine_speed", "load_torque"),
+        units=("rad/s", "N m"),
+        gain_unit="deg/(rad/s)",
+        first=np.array([100.0, 100.000001, 400.0]),
+        second=np.array([0.0, 20.0]),
+        kp=flat,
+        ki=flat,
+        kd=0.0 * flat,
+    )
+    write = partial(write_c_controller, scheduled_pid(schedule, PLAIN, output=25.0, measurement=240.0), name="pid", about={}, units={})
+    assert "100.000001" in write(precision=Precision.DOUBLE)
+    with pytest.raises(InvalidInputError, match=r"nodes 100.0 and 100.000001 of the schedule's first axis are one number in single"):
+        write(precision=Precision.FLOAT)
 
 
 @pytest.mark.parametrize("kp", [1e39, -1e300, 1e-40])

@@ -67,3 +67,9 @@ def test_a_zero_numerator_and_no_time() -> None:
 def test_overflow_is_refused() -> None:
     with pytest.raises(InvalidInputError, match="exceeds the range of numbers within 4 s; ask for earlier times"):
         inverse_laplace([1.0], np.array([300.0], dtype=complex), TIMES)
+
+
+def test_times_that_are_nearly_even_are_not_taken_for_even() -> None:
+    times = 0.01 * np.arange(1.0, 101.0)
+    times[40] += 1e-4
+    assert inverse_laplace([1.0], np.array([-1.0], dtype=complex), times) == pytest.approx(np.exp(-times), abs=1e-14)

@@ -54,6 +54,8 @@ class TestOutcomes:
         assert limit_text(free) == "The throttle reaches no limit."
 
     def test_a_stall_names_the_state_in_words(self, results: StudyResults) -> None:
-        run = dataclasses.replace(self.run(results, "c1", "engine"), outcome=Stalled(time=0.7291, state="engine_speed", value=37.141))
+        run = dataclasses.replace(
+            self.run(results, "c1", "engine"), outcome=Stalled(time=0.7291, state="engine_speed", value=37.141, unit="rad/s")
+        )
         assert outcome_text(run) == "stalls after 0.729 s, at engine speed 37.14 rad/s"
         assert ending(run) == "stalls"

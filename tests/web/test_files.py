@@ -62,7 +62,22 @@ def test_a_log_of_the_engine_itself_is_explained_up_to_its_noise() -> None:
     assert min(response["coherence"]) >= 0.8
     assert max(response["relative_bias"]) <= 0.1
     assert (response["between_samples"], "write `# between_samples: held`" in response["remark"]) == ("straight", True)
+    assert response["between_samples_known"] is False
     assert response["models"]["g2d"]["delay_s"] == pytest.approx(0.021, abs=0.008)
+
+
+def test_with_a_command_the_response_is_the_engine_s_under_feedback_too() -> None:
+    """Here the command moves the throttle alone; without one the page warns of controllers, and two are refused."""
+    told, rows = read_log_file(log_text(), "bench.csv", State()), log_text().splitlines()
+    angles = [float(row.split(",")[1]) for row in rows[1:]]
+    lines = [f"{row},{2300.0 + 10.0 * (angle - 25.0):.6f}" for row, angle in zip(rows[1:], angles, strict=True)]
+    text = "\n".join((f"{rows[0]},speed_command_rpm", *lines))
+    found = read_log_file(text, "bench.csv", State())["response"]
+    assert "log its command too, as speed_command_rad_s" in told["response"]["remark"]
+    assert "command" not in found["remark"]
+    assert found["magnitude_db"] == pytest.approx(told["response"]["magnitude_db"], abs=1e-3)
+    with pytest.raises(InvalidInputError, match=r"speed_command_rad_s and speed_command_rpm for the command; name one"):
+        read_log_file("time_s,speed_command_rad_s,speed_command_rpm,throttle_deg,speed_rad_s\n0,1,1,1,1\n", "bench.csv", State())
 
 
 def test_a_held_throttle_is_played_and_read_as_held() -> None:
@@ -82,7 +97,8 @@ def test_a_held_throttle_is_played_and_read_as_held() -> None:
     }
     told, other = found[""], found["# between_samples: straight\n"]
     assert (told["response"]["between_samples"], other["response"]["between_samples"]) == ("held", "straight")
-    assert "remark" not in told["response"]
+    assert "half a sample" not in told["response"]["remark"]
+    assert (told["response"]["between_samples_known"], other["response"]["between_samples_known"]) == (True, True)
     assert told["engine"]["late_rms_error_rad_s"] < 0.25 * other["engine"]["late_rms_error_rad_s"]
     phases = [entry["response"]["engine"]["exact"]["rms_phase_difference_deg"] for entry in (told, other)]
     assert phases[0] < 0.2 * phases[1]

@@ -200,6 +200,19 @@ def test_a_job_that_fails_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert words in end["error"]["detail"]
 
 
+def test_a_job_that_is_stopped_while_a_class_is_made_has_no_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As when a library is imported; Python 3.11 makes a RuntimeError of it."""
+    (tmp_path / JOB).write_text('{"kind": "study"}')
+
+    class Stops:
+        def __set_name__(self, owner: type, name: str) -> None:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(job_process, "KINDS", {Kind.STUDY: lambda *_: type("Made", (), {"part": Stops()})})
+    job_process.run_job(tmp_path, lambda _, __: None)
+    assert not (tmp_path / END).exists()
+
+
 def test_a_job_that_is_stopped_has_no_end_and_one_process_alone_works_on_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / JOB).write_text('{"kind": "study"}')
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from revline.errors import InvalidInputError
-from revline.web.answers import answer_parts
+from revline.web.answers import answer_parts, answer_promises
 from revline.web.kept import OF_PART, Kept, key_of
 from revline.web.state import State, parse_state
 from revline.web.turns import Turns
@@ -202,5 +202,79 @@ def test_pages_that_show_the_same_are_answered_once() -> None:
         assert [names for names, _ in slow.asked] == [["map", "contours"]]
         with pytest.raises(InvalidInputError, match="a view has no part 'nix'"):
             await made.find("page", State(), ["nix"], newest=True, whole=True)
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize("gains", [{}, {"kp": 0.0, "ki": 0.0, "kd": 0.0}, {"kd": 0.0, "throttle_deg": 31.0}], ids=["pid", "none", "pi"])
+def test_promises_made_from_models_that_are_handed_on_are_the_same_to_the_last_byte(gains: dict[str, float]) -> None:
+    found = answer_parts(gains, ["models", "promises"])
+    assert b"problem" not in found["models"]
+    assert answer_promises(gains, found["models"]) == {"promises": found["promises"]}
+
+
+class Pair(Crew):
+    """Two processes, of which the first fits the models, or tells why it cannot, or ends."""
+
+    def __init__(self, models: bytes) -> None:
+        super().__init__(2)
+        self.models, self.told = models, list[tuple[int, str, Any]]()
+
+    async def at(self, place: int, function: Any, entries: dict[str, Any], *rest: Any) -> dict[str, bytes]:
+        del entries
+        self.told.append((place, function.__name__, rest[0]))
+        await asyncio.sleep(0.001)
+        if function is answer_promises:
+            return {"promises": b'{"from":"models"}'}
+        if "models" in rest[0] and not self.models:
+            raise WorkerError("process-ended", "the process ended", "it was killed")
+        return dict.fromkeys(rest[0], b"{}") | ({"models": self.models} if "models" in rest[0] else {})
+
+
+@pytest.mark.parametrize("models", [b'{"g1":{}}', b'{"problem":{}}', b""], ids=["fitted", "not fitted", "ended"])
+def test_what_the_models_promise_waits_for_them_in_the_other_process(models: bytes) -> None:
+    pair, slow = Pair(models), Crew()
+    pools: Any = pair, slow
+    asked = ["response", "models", "roots", "promises", "answers", "point", "loop"]
+    made = json.loads(asyncio.run(Views(*pools).find("page", State(), asked, newest=True, whole=False)))
+    assert set(made["parts"]) == set(asked)
+    steps = {place: [(name, what) for at, name, what in pair.told if at == place] for place in (0, 1)}
+    assert steps[0] == [("answer_parts", ["response", "models"]), ("answer_parts", ["roots", "answers"])]
+    assert steps[1][0] == ("answer_parts", ["point", "loop"])
+    handed = models.startswith(b'{"g1"')
+    assert steps[1][1:] == [("answer_promises", models) if handed else ("answer_parts", ["promises"])]
+    assert made["parts"]["promises"] == ({"from": "models"} if handed else {})
+    assert ("problem" in made["parts"]["models"]) == (not handed)
+
+
+class Held(Crew):
+    """A process that takes as long as the test wants."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.go_on = asyncio.Event()
+
+    async def at(self, place: int, function: Any, entries: dict[str, Any], names: Sequence[str], seconds: float) -> dict[str, bytes]:
+        await self.go_on.wait()
+        return await super().at(place, function, entries, names, seconds)
+
+
+def test_the_steady_map_is_left_for_later_where_it_takes_longer_and_is_found_once() -> None:
+    """Of states that a page moves through meanwhile only the newest one's map is found after the first."""
+
+    async def run() -> None:
+        live, slow = Crew(), Held()
+        pools: Any = live, slow
+        made, parts = Views(*pools), ["point", "map"]
+        for load in (1.0, 2.0, 3.0):
+            record = json.loads(await made.find("page", State(load_n_m=load), parts, newest=True, whole=False))
+            assert (set(record["parts"]), record["later"]) == ({"point"}, ["map"])
+        rest = asyncio.create_task(made.find("page", State(load_n_m=3.0), ["map"], newest=True, whole=False))
+        await asyncio.sleep(0)
+        slow.go_on.set()
+        assert set(json.loads(await rest)["parts"]) == {"map"}
+        again = json.loads(await made.find("page", State(load_n_m=3.0), parts, newest=True, whole=False))
+        assert set(again["parts"]) == set(parts)
+        assert len(slow.asked) == 2
 
     asyncio.run(run())

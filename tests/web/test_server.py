@@ -8,11 +8,14 @@ import socket
 import subprocess
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import httpx
 import pytest
+from fastapi import FastAPI
 
+from revline.web import app
 from revline.web.answers import answer_parts
 from revline.web.app import page_folder
 from revline.web.views import find_share
@@ -87,6 +90,40 @@ def test_what_is_no_json_is_told_so_and_no_control_is_blamed(server: Server, tex
     problem = httpx.post(f"{server.link}api/v1/view", content=text, headers={"content-type": "application/json"}).json()
     assert words in problem["detail"]
     assert "control" not in problem
+
+
+HALVES = (r'{"state": {"\ud800": 1}}', r'{"\ud800": 1}', r'{"parts": ["\ud800"]}', r'{"state": {"engine": "\ud800"}}')
+
+
+@pytest.mark.parametrize("text", HALVES)
+def test_half_a_character_is_told_as_what_it_is(server: Server, text: str) -> None:
+    answer = httpx.post(f"{server.link}api/v1/view", content=text, headers={"content-type": "application/json"})
+    assert answer.status_code == 422
+    assert "d800" in answer.json()["detail"]
+
+
+@pytest.mark.parametrize("text", ["[" * 50_000, '{"state": {"kp": ' + "1" * 5000 + "}}"], ids=["deep", "long"])
+def test_what_cannot_be_read_is_not_said_to_be_nowhere(server: Server, text: str) -> None:
+    answer = httpx.post(f"{server.link}api/v1/trim", content=text, headers={"content-type": "application/json"})
+    assert answer.status_code == 400
+    assert answer.json()["detail"].startswith("the request cannot be read: ")
+
+
+def test_a_page_that_is_built_anew_is_not_mixed_with_the_one_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The files served are those that there were when the server began."""
+    (tmp_path / "assets").mkdir()
+    (tmp_path / "index.html").write_text("old")
+    (tmp_path / "assets" / "old.js").write_text("1")
+    monkeypatch.setattr(app, "page_folder", lambda: tmp_path)
+    transport = httpx.ASGITransport(app=FastAPI(routes=app.page_routes().routes))
+    (tmp_path / "assets" / "old.js").unlink()
+    (tmp_path / "index.html").write_text("new")
+
+    async def fetch() -> list[str]:
+        async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1") as client:
+            return [(await client.get(path)).text for path in ("/", "/assets/old.js")]
+
+    assert asyncio.run(fetch()) == ["old", "1"]
 
 
 def test_nothing_of_the_machine_is_read_by_a_path(server: Server) -> None:

@@ -35,6 +35,8 @@ def test_what_is_left_out_keeps_its_default() -> None:
         ({"throttle_deg": 20.0, "speed_rad_s": 200.0}, "", "one is known, the other is found; leave one out"),
         ({"engine": "lee1996"}, "", "engine: there is none named 'lee1996', did you mean lee1995?"),
         ({"parameters": {"rotation.inertia": "heavy"}}, "parameters.rotation.inertia", "input should be a valid number"),
+        ({"throttle_deg": 10**400}, "throttle_deg", "throttle_deg = 1000000000"),
+        ({"parameters": {"\ud800": 1.0}}, "", "parameters: a name holds what cannot be printed"),
         ({"schema": "revline.workbench/2"}, "schema", "input should be 'revline.workbench/1'"),
     ],
 )

@@ -19,6 +19,9 @@ COMPLEX_STEP = 1e-30
 
 Matrix = NDArray[Any]
 
+BLOCKS = ("A", "Bu", "Bz", "Cy", "Dyu", "Dyz", "Cz", "Dzu", "Dzz")
+"""Names of all derivatives: of rates, outputs and what enters channels, by states, inputs and readings."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Jacobians:
@@ -36,7 +39,7 @@ class Jacobians:
 
     def at(self, point: int) -> "Jacobians":
         """Give those at one of the points."""
-        return Jacobians(**{name: getattr(self, name)[point] for name in ("A", "Bu", "Bz", "Cy", "Dyu", "Dyz", "Cz", "Dzu", "Dzz")})
+        return Jacobians(**{name: getattr(self, name)[point] for name in BLOCKS})
 
 
 def evaluate(system: DelaySystem, function: Equation, x: Matrix, u: Matrix, zd: Matrix) -> Matrix:

@@ -11,7 +11,7 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from revline.analysis.jacobians import Jacobians, Matrix, evaluate, find_jacobians
+from revline.analysis.jacobians import BLOCKS, Jacobians, Matrix, evaluate, find_jacobians
 from revline.analysis.limits import Limit, find_limits
 from revline.equations import Equation
 from revline.errors import InvalidInputError
@@ -211,22 +211,39 @@ def build_model(system: DelaySystem, jacobians: Jacobians, lags: Floats) -> Dela
     Raises:
         InvalidInputError: a derivative is not finite, or a lag is not positive.
     """
-    return DelayStateSpace(
-        A=jacobians.A,
-        Bu=jacobians.Bu,
-        Bz=jacobians.Bz,
-        Cy=jacobians.Cy,
-        Dyu=jacobians.Dyu,
-        Dyz=jacobians.Dyz,
-        Cz=jacobians.Cz,
-        Dzu=jacobians.Dzu,
-        Dzz=jacobians.Dzz,
-        lags=lags,
-        states=_signals(system.states),
-        inputs=_signals(system.inputs),
-        outputs=_signals(system.outputs),
-        channels=_signals(system.channels),
+    try:
+        return DelayStateSpace(
+            **{name: getattr(jacobians, name) for name in BLOCKS},
+            lags=lags,
+            states=_signals(system.states),
+            inputs=_signals(system.inputs),
+            outputs=_signals(system.outputs),
+            channels=_signals(system.channels),
+        )
+    except InvalidInputError:
+        _check_derivatives(system, jacobians)
+        raise
+
+
+def _check_derivatives(system: DelaySystem, jacobians: Jacobians) -> None:
+    """Refuse derivatives without a value, by the names that the system gives."""
+    of = (("the rate of", system.states), ("the output", system.outputs), ("what enters the channel", system.channels))
+    blocks = np.block(
+        [
+            [jacobians.A, jacobians.Bu, jacobians.Bz],
+            [jacobians.Cy, jacobians.Dyu, jacobians.Dyz],
+            [jacobians.Cz, jacobians.Dzu, jacobians.Dzz],
+        ]
     )
+    if not np.isfinite(blocks).all():
+        row, column = np.argwhere(~np.isfinite(blocks))[0]
+        results = [f"{words} {variable.name}" for words, variables in of for variable in variables]
+        argument = (*system.states, *system.inputs, *system.channels)[column].name
+        message = (
+            f"{system.name}: {results[row]} has no finite derivative by {argument} at this steady state ({blocks[row, column]:g}); write"
+            " the equation so that no part of it overflows or is infinitely steep there"
+        )
+        raise InvalidInputError(message, result=results[row], argument=argument)
 
 
 def check_steady(system: DelaySystem, point: SteadyState) -> float:

@@ -5,13 +5,20 @@ look, and divided out: an input held until its next sample has lost sinc(w h/2) 
 sinc^2(w h/2). What then is left of frequencies above half the sampling frequency, which samples cannot tell apart from those below, is
 bounded by how steeply the response falls. Leakage between frequencies is estimated with the response; see `local_polynomials`.
 
-Source: Pintelon and Schoukens (2012), System Identification: A Frequency Domain Approach, chapters 7 and 13.
+An input that a controller moved answers what disturbs the output: where disturbances prevail, the spectra of the two tell the controller
+turned round, -1/C, as surely as a plant. The command that the controller followed knows nothing of disturbances, so that the response of
+the output to it, over that of the input to it, is the plant's.
+
+Source: Pintelon and Schoukens (2012), System Identification: A Frequency Domain Approach, chapters 7 and 13; the
+responses to a command: Ljung (1999), System Identification: Theory for the User, chapter 13.
 """
 
 import itertools
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -57,8 +64,11 @@ MOST_BIAS = 0.1
 EVEN = 1e-3
 """Samples this near to an even clock, in distances of samples, are evenly spaced."""
 
-GENTLEST = 1.0
-"""Above what is told a response falls with this power of the frequency at least, as all do that have a lag."""
+STEEPEST = 1.0
+"""Above what is told a response is taken to fall with this power of the frequency at most, as all do that have a lag."""
+
+NEAR_TOP = 0.9
+"""The magnitude from which on it falls is the largest above this part of the highest frequency told."""
 
 ALIASES = 60
 """Multiples of the sampling frequency that are summed."""
@@ -81,7 +91,7 @@ class LoggedResponse:
 
     Attributes:
         response: output per input.
-        coherence: part of the output's power that the input explains, shape (n,).
+        coherence: part of the output's power that the input explains, shape (n,); with a command, what it explains of the two, the lesser.
         deviation: one standard deviation of the magnitude, as a fraction of it, shape (n,): its random part.
         bias: bound of the part that is not random, as a fraction of the magnitude, of the complex response, shape (n,): leakage, what lies
             above half the sampling frequency if the response keeps falling there, and samples that are not even. Where `known` is false
@@ -113,6 +123,7 @@ def estimate_response(
     names: tuple[str, str],
     units: tuple[str, str],
     between: Between | None = None,
+    command: ArrayLike | None = None,
 ) -> LoggedResponse:
     """Estimate a frequency response from an input's and an output's record.
 
@@ -124,36 +135,32 @@ def estimate_response(
         units: of input and output.
         between: what the input does between its samples; where it is not given, one of few values, or one that stands still between
             jumps, is held, any other straight as all recordings are.
+        command: what a controller that moved the input was to follow, shape (n,); without one, nothing that moves the output otherwise may
+            move the input too.
 
     Returns:
         The response where the coherence is at least 0.8 and the bias at most 0.1.
 
     Raises:
-        InvalidInputError: the record is too short or has a gap, or the input or the output does not move.
+        InvalidInputError: the record is too short, has a gap or a value that is not finite, or one of its signals does not move.
         AnalysisError: at no frequency does the input explain the output.
     """
-    clock, u, y, uneven = _evenly(times, moved, watched)
-    for name, values in zip(names, (u, y), strict=True):
-        if float(np.ptp(values)) == 0.0:
-            message = f"{name} does not move in this record; log one in which it does"
-            raise InvalidInputError(message, quantity=name)
+    columns = _columns(times, dict(zip((*names, "command"), (moved, watched, command), strict=True)))
+    clock, signals, uneven = _evenly(np.asarray(times, dtype=float), columns)
     held = looks_held(moved)
     shape = between or (Between.HELD if held else Between.STRAIGHT)
     known, step = between is not None or held, float(clock[1] - clock[0])
-    sizes = float(np.ptp(u)), float(np.ptp(y))
-    spectra = np.fft.rfft((u - u.mean()) / sizes[0]), np.fft.rfft((y - y.mean()) / sizes[1])
-    places = _candidates(spectra[0])
-    fits = [fit_locally(*spectra, int(k), _neighbours(int(k))) for k in places]
+    sizes = [float(np.ptp(signal)) for signal in signals]
+    u, y, *commands = (np.fft.rfft((signal - signal.mean()) / size) for signal, size in zip(signals, sizes, strict=True))
+    places = _candidates(commands[0] if commands else u)
     omega = np.asarray(2.0 * math.pi * places / (clock.size * step), dtype=np.float64)
-    answers = np.array([fit.value for fit in fits], dtype=complex) / _shape(shape, omega * step)
-    coherence, told = _judged(fits)
-    bias = np.full(places.size, np.inf)
+    ratio = _ratio(_told(commands[0], u, places), _told(commands[0], y, places)) if commands else _told(u, y, places)
+    answers, told, bias = ratio.values / _shape(shape, omega * step), np.isfinite(ratio.leakage), ratio.leakage.copy()
     if told.any():
-        bias[told] = _leakage([fit for fit, kept in zip(fits, told, strict=True) if kept], places[told])
         bias[told] += _aliases(omega[told], np.abs(answers[told]), step, shape) + _uncertain(omega[told] * step, shape, known, uneven)
     kept = told & (bias <= MOST_BIAS)
     if not kept.any():
-        raise _nothing_told(names, coherence, bias[told])
+        raise _nothing_told(("the command", " and ".join(names)) if commands else names, ratio.coherence, bias[told])
     response = FrequencyResponse(
         omega=omega[kept],
         values=answers[kept] * (sizes[1] / sizes[0]),
@@ -165,14 +172,42 @@ def estimate_response(
     )
     return LoggedResponse(
         response=response,
-        coherence=coherence[kept],
-        deviation=np.array([math.sqrt(0.5 * fit.variance) / abs(fit.value) for fit, one in zip(fits, kept, strict=True) if one]),
+        coherence=ratio.coherence[kept],
+        deviation=ratio.deviation[kept],
         bias=bias[kept],
         between=shape,
         known=known,
         neighbours=np.array([2 * _neighbours(int(k)) + 1 for k in places[kept]]),
         left_out=int(np.count_nonzero(~kept)),
     )
+
+
+class _Told(NamedTuple):
+    """What spectra tell at each frequency; deviation and leakage are relative, and infinite where the spectra do not suffice."""
+
+    values: Complexes
+    coherence: Floats
+    deviation: Floats
+    leakage: Floats
+
+
+def _told(moved: Complexes, watched: Complexes, places: NDArray[np.intp]) -> _Told:
+    fits = [fit_locally(moved, watched, int(k), _neighbours(int(k))) for k in places]
+    coherence, told = _judged(fits)
+    leakage = np.full(places.size, np.inf)
+    if told.any():
+        leakage[told] = _leakage([fit for fit, kept in zip(fits, told, strict=True) if kept], places[told])
+    values = np.array([fit.value for fit in fits], dtype=complex)
+    variances = np.array([fit.variance for fit in fits])
+    deviation = np.divide(np.sqrt(0.5 * variances), np.abs(values), out=np.full(places.size, np.inf), where=told)
+    return _Told(values, coherence, deviation, leakage)
+
+
+def _ratio(below: _Told, above: _Told) -> _Told:
+    """One response over another to the same signal; their errors add up, for what disturbs one disturbs the other."""
+    leakage = below.leakage + above.leakage
+    values = np.divide(above.values, below.values, out=np.zeros_like(above.values), where=np.isfinite(leakage))
+    return _Told(values, np.minimum(below.coherence, above.coherence), below.deviation + above.deviation, leakage)
 
 
 def _judged(fits: list[LocalFit]) -> tuple[Floats, NDArray[np.bool_]]:
@@ -240,15 +275,16 @@ def _leakage(fits: list[LocalFit], places: NDArray[np.intp]) -> Floats:
 
 
 def _aliases(omega: Floats, sizes: Floats, step: float, between: Between) -> Floats:
-    """Bound of what lies around the multiples of the sampling frequency, relative to each response, if it keeps falling."""
+    """Bound of what lies around the multiples of the sampling frequency, relative to each response, if it falls on as is seen at the end.
+
+    It is taken to fall no steeper than a lag: behind a resonance it falls more steeply at first than it goes on to.
+    """
     if between is Between.SMOOTH:
         return np.zeros(omega.size)
     last = omega >= 0.5 * omega[-1]
-    slope, top = GENTLEST, float(sizes[-1])
+    slope, top = STEEPEST, float(np.max(sizes[omega >= NEAR_TOP * omega[-1]]))
     if np.count_nonzero(last) >= NEIGHBOURS[0]:
-        x, y = np.log(omega[last] / omega[-1]), np.log(sizes[last])
-        steepness, level = np.polyfit(x, y, 1)
-        slope, top = max(GENTLEST, -float(steepness)), math.exp(float(level))
+        slope = min(STEEPEST, max(0.0, -float(np.polyfit(np.log(omega[last]), np.log(sizes[last]), 1)[0])))
     multiples = np.concatenate((np.arange(-ALIASES, 0), np.arange(1, ALIASES + 1))) * (2.0 * math.pi / step)
     beyond = np.abs(omega[:, None] + multiples)
     power = 1.0 if between is Between.HELD else 2.0
@@ -262,12 +298,33 @@ def _uncertain(turn: Floats, between: Between, known: bool, uneven: float) -> Fl
     return shape + (0.25 * turn**2 + uneven * turn if uneven > EVEN else 0.0)
 
 
-def _evenly(times: ArrayLike, moved: ArrayLike, watched: ArrayLike) -> tuple[Floats, Floats, Floats, float]:
-    """Records on an even clock with as many samples, and how far from it the samples were, in distances of samples."""
-    t, u, y = (np.asarray(values, dtype=float) for values in (times, moved, watched))
+def _columns(times: ArrayLike, signals: Mapping[str, ArrayLike | None]) -> list[Floats]:
+    """Those signals that are given, in order, as numbers that can be told anything of."""
+    t = np.asarray(times, dtype=float)
     if t.size < FEWEST_SAMPLES:
         message = f"a record of {t.size} samples is too short to tell a frequency response; give {FEWEST_SAMPLES} or more"
         raise InvalidInputError(message, samples=float(t.size))
+    given = {name: np.asarray(values, dtype=float) for name, values in signals.items() if values is not None}
+    for name, values in (("time", t), *given.items()):
+        if t.ndim != 1 or values.shape != t.shape:
+            message = f"{name} has shape {values.shape} beside times of shape {t.shape}; give columns of equal length"
+            raise InvalidInputError(message, quantity=name)
+        if not np.isfinite(values).all():
+            row = int(np.argmin(np.isfinite(values)))
+            message = f"{name} = {values[row]} in sample {row}; leave out what is not finite, or give one stretch without it"
+            raise InvalidInputError(message, quantity=name, sample=row)
+        if float(np.ptp(values)) == 0.0:
+            message = f"{name} does not move in this record; log one in which it does"
+            raise InvalidInputError(message, quantity=name)
+    if np.any(np.diff(t) <= 0.0):
+        row = int(np.argmax(np.diff(t) <= 0.0))
+        message = f"time does not rise after sample {row}, at {t[row]:.6g} s; sort the samples and give each once"
+        raise InvalidInputError(message, sample=row)
+    return list(given.values())
+
+
+def _evenly(t: Floats, signals: list[Floats]) -> tuple[Floats, list[Floats], float]:
+    """Records on an even clock with as many samples, and how far from it the samples were, in distances of samples."""
     steps = np.diff(t)
     usual, widest = float(np.median(steps)), int(np.argmax(steps))
     if float(steps[widest]) > WIDEST_GAP * usual:
@@ -279,5 +336,5 @@ def _evenly(times: ArrayLike, moved: ArrayLike, watched: ArrayLike) -> tuple[Flo
     clock = np.linspace(t[0], t[-1], t.size)
     uneven = float(np.max(np.abs(t - clock))) / (clock[1] - clock[0])
     if uneven <= EVEN:
-        return clock, u, y, uneven
-    return clock, np.interp(clock, t, u), np.interp(clock, t, y), uneven
+        return clock, signals, uneven
+    return clock, [np.interp(clock, t, signal) for signal in signals], uneven

@@ -7,7 +7,7 @@ from enum import Enum
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from revline.analysis.steady_map import SteadyMap
+from revline.analysis.steady_map import SteadyMap, Undecided
 from revline.errors import AnalysisError, InvalidInputError, out_of_range
 from revline.system import Floats, Variable
 from revline.values import make_read_only
@@ -147,9 +147,11 @@ def fit_line(steady_map: SteadyMap, *, low: float, high: float) -> LineFit:
         raise InvalidInputError(message, low=low, high=high)
     for gap in steady_map.missing:
         if low < gap.value < high:
-            message = (
-                f"there is no steady state at {steady_map.sweep.name} = {gap.value:g} {steady_map.sweep.unit} inside the range; narrow it"
-            )
+            place = f"{steady_map.sweep.name} = {gap.value:g} {steady_map.sweep.unit}"
+            if isinstance(gap, Undecided):
+                message = f"the steady state at {place} inside the range is undecided ({gap.reason}); narrow the range"
+            else:
+                message = f"there is no steady state at {place} inside the range; narrow it"
             raise InvalidInputError(message, value=gap.value)
     return _fit(steady_map, PchipInterpolator(steady_map.values, steady_map.output_values), low, high)
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from revline.analysis.halton import halton
 from revline.analysis.jacobians import COMPLEX_STEP, Matrix, differentiate, reads_channels, settle_channels
 from revline.analysis.linearize import DRIFT_LIMIT, rate_unit, search_scale
 from revline.equations import Equation
@@ -28,15 +29,22 @@ SINGULAR = 1e-12
 FRACTIONS = (1.0, 0.5, 0.25, 0.0625, 0.015625)
 """Parts of Newton's step; the first that brings the misses down is taken."""
 
+DIFFERENCE = 6e-6
+"""Steps of differences, in search ranges: a cube root of the rounding of numbers."""
+
 FEW = 16
 """So many points cost as little as one: all parts of their steps are tried at once."""
+
+NEARLY = 0.99
+"""A step that would cross a limit goes this part of the way to it. Source: Nocedal and Wright (2006), chapter 19."""
+
+AT_ONCE = 512
+"""So many searches go on together at most, which bounds the memory that they take."""
 
 DECREASE = 1e-4
 """A step counts when it takes this part of itself off the misses."""
 
 Vector = tuple[Any, ...]
-
-PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47, 53)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,16 +142,31 @@ class SteadyEquations:
         if reads_channels(self.system) or not self.unknowns:
             return self.misses(unknowns, known), self._slopes_of_loops(unknowns, known)
         # Every unknown takes an imaginary step in turn, and the channels carry it on: one pass through each equation gives all.
+        slopes = np.moveaxis(self._missed_in_one_pass(unknowns + self._imaginary_steps, known).imag, 0, -1) / COMPLEX_STEP
+        # Misses are those of real numbers: a root of what is negative has a value among complex ones, and none here.
+        return self._missed_in_one_pass(unknowns, known), self._mend(slopes, unknowns, known)
+
+    def _missed_in_one_pass(self, unknowns: Matrix, known: Floats | None) -> Matrix:
+        """Give `misses` where no channel reads another, of real or complex unknowns."""
         system, count = self.system, len(self.system.states)
-        moved = unknowns + self._imaginary_steps
-        u = list(self.known if known is None else known.T)
-        for position, k in enumerate(self.free, start=count):
-            u[k] = moved[..., position]
-        x, inputs = _parts(moved[..., :count]), tuple(u)
+        x, u = _parts(unknowns[..., :count]), list(self.known if known is None else known.T)
+        for k, value in zip(self.free, _parts(unknowns[..., count:]), strict=True):
+            u[k] = value
         with np.errstate(all="ignore"):
-            zd = tuple(system.emit(system.parameters, x, inputs, (np.float64(0.0),) * len(system.channels)))
-            values = self._missed(x, inputs, zd, np.empty((*moved.shape[:-1], self.sizes.size), dtype=complex))
-        return values[0].real.copy(), np.moveaxis(values.imag, 0, -1) / COMPLEX_STEP
+            zd = tuple(system.emit(system.parameters, x, tuple(u), (np.float64(0.0),) * len(system.channels)))
+            return self._missed(x, tuple(u), zd, np.empty((*unknowns.shape[:-1], self.sizes.size), dtype=unknowns.dtype))
+
+    def _mend(self, slopes: Matrix, unknowns: Floats, known: Floats | None) -> Floats:
+        """Take differences where complex numbers go beyond their range before real ones do, as in 1/(1 + exp(500))."""
+        lost = ~np.all(np.isfinite(slopes), axis=(-2, -1))
+        if np.any(lost):
+            centre, rows = unknowns[lost], None if known is None else known[lost]
+            for k, step in enumerate(DIFFERENCE * np.diag(self.scales)):
+                low, high = np.maximum(centre - step, self.limits[0]), np.minimum(centre + step, self.limits[1])
+                with np.errstate(all="ignore"):
+                    rise = (self.misses(high, rows) - self.misses(low, rows)) / (high - low)[:, k, None]
+                slopes[lost, :, k] = rise * self.scales[k]
+        return slopes
 
     @cached_property
     def _imaginary_steps(self) -> Matrix:
@@ -270,6 +293,11 @@ def solve_steady_each(equations: SteadyEquations, known: Floats, starts: Sequenc
     Returns:
         For each row of inputs all distinct solutions reached.
     """
+    parts = [slice(first, first + AT_ONCE) for first in range(0, len(starts), AT_ONCE)]
+    return tuple(search for part in parts for search in _solve_part(equations, known[part], starts[part]))
+
+
+def _solve_part(equations: SteadyEquations, known: Floats, starts: Sequence[Floats]) -> list[Search]:
     ends = np.cumsum([len(rows) for rows in starts])
     owners = np.repeat(np.arange(len(starts)), np.diff(ends, prepend=0))
     begun, given = np.concatenate(starts), known[owners] if len(known) > 1 else None
@@ -280,15 +308,18 @@ def solve_steady_each(equations: SteadyEquations, known: Floats, starts: Sequenc
     solved = misses <= DRIFT_LIMIT
     isolated = solved.copy()
     if np.any(solved):
-        spread = np.linalg.svd(equations.misses_and_slopes(points[solved], None if given is None else given[solved])[1], compute_uv=False)
+        sloped = equations.misses_and_slopes(points[solved], None if given is None else given[solved])[1]
+        # Without a slope nothing is known of a continuum; the solution is kept, and what it lacks is named where it is used.
+        usable = np.all(np.isfinite(sloped), axis=(-2, -1), keepdims=True)
+        spread = np.linalg.svd(np.where(usable, sloped, np.eye(len(equations.unknowns))), compute_uv=False)
         isolated[solved] = np.min(spread, axis=-1, initial=np.inf) > SINGULAR * np.max(spread, axis=-1, initial=0.0)
     found = []
     for first, last in zip((0, *ends[:-1]), ends, strict=True):
         own, kept = points[first:last], isolated[first:last]
         solutions = _distinct(own[kept], equations.scales)
         whole = bool(np.array_equal(kept, solved[first:last]))
-        found.append(Search(solutions=solutions, closest=own[int(np.argmin(misses[first:last]))], isolated=whole))
-    return tuple(found)
+        found.append(Search(solutions=solutions, closest=own[int(np.argmin(misses[first:last]))].copy(), isolated=whole))
+    return found
 
 
 def _newton(equations: SteadyEquations, starts: Floats, known: Floats | None) -> Floats:
@@ -306,7 +337,7 @@ def _newton(equations: SteadyEquations, starts: Floats, known: Floats | None) ->
         # Few points are tried with all parts of their steps at once, many first with the whole step.
         for fractions in (FRACTIONS,) if active.size <= FEW else (FRACTIONS[:1], FRACTIONS[1:]):
             parts = np.array(fractions)[:, None]
-            trials = np.minimum(np.maximum(points[active] + parts[..., None] * steps, low), high).reshape(-1, scales.size)
+            trials = _stepped(points[active], parts[..., None] * steps, (low, high)).reshape(-1, scales.size)
             inputs = None if known is None else known[np.broadcast_to(active, (len(parts), active.size)).ravel()]
             missed, sloped = equations.misses_and_slopes(trials, inputs)
             tried = _size(missed)
@@ -322,6 +353,14 @@ def _newton(equations: SteadyEquations, starts: Floats, known: Floats | None) ->
         active = np.concatenate(gone)
         active = active[sizes[active] > ROUNDING]
     return points
+
+
+def _stepped(points: Floats, steps: Floats, limits: tuple[Floats, Floats]) -> Floats:
+    """Go on from each point, but never onto a limit where the step leads beyond: an equation may be infinitely steep there."""
+    low, high = limits
+    ends = points + steps
+    inside = np.minimum(np.maximum(ends, low), high)
+    return np.asarray(np.where(inside != ends, points + NEARLY * (inside - points), inside))
 
 
 def _parts(values: Matrix) -> Vector:
@@ -355,29 +394,3 @@ def _inner_range(variable: Variable) -> tuple[float, float]:
             return low, high
     nominal = min(max(variable.nominal, variable.low), variable.high)
     return nominal, nominal
-
-
-def halton(count: int, dimensions: int) -> Floats:
-    """Spread points evenly over the unit cube.
-
-    Args:
-        count: how many.
-        dimensions: of the cube; beyond 16 the sequences repeat, shifted.
-
-    Returns:
-        Array of shape (count, dimensions), values above 0 and below 1.
-
-    Source:
-        Halton (1960), Numerische Mathematik 2, 84-90.
-    """
-    points = np.empty((count, dimensions))
-    for axis in range(dimensions):
-        base = PRIMES[axis % len(PRIMES)]
-        digits, fraction = np.arange(1, count + 1) + 7 * (axis // len(PRIMES)), 1.0
-        values = np.zeros(count)
-        while np.any(digits > 0):
-            fraction /= base
-            values += fraction * (digits % base)
-            digits //= base
-        points[:, axis] = values
-    return points

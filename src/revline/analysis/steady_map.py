@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from revline.analysis.steady_equations import SteadyEquations
 from revline.analysis.trim import Rests, Trim
 from revline.analysis.trim_branches import find_rests_along, follow_each
-from revline.errors import InvalidInputError, NoTrimError, out_of_range
+from revline.errors import InvalidInputError, NoTrimError, RevlineError, out_of_range
 from revline.system import DelaySystem, Floats, Variable, check_range, index_of
 from revline.values import make_read_only
 
@@ -32,6 +32,14 @@ class Missing:
     reason: str
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Undecided(Missing):
+    """A value of the swept input with a steady state of which a lag, a derivative, an output or the stability could not be told.
+
+    It is no end of the steady states. The reason is the message of the error that `find_trim` raises there.
+    """
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Boundary:
     """Where steady states end, enclosed to the tolerance asked for.
@@ -40,11 +48,13 @@ class Boundary:
         value: of the swept input, the last with a steady state.
         trim: that steady state.
         without: the nearest value tried that has none, and why.
+        undecided: why the end is not enclosed more closely; empty where it is to the tolerance.
     """
 
     value: float
     trim: Trim
     without: Missing
+    undecided: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -57,7 +67,7 @@ class SteadyMap:
         output: the output that is looked at.
         values: of the swept input that have a steady state, rising.
         trims: the steady state at each.
-        missing: values that have none.
+        missing: values that have none, and those that are `Undecided`.
         boundaries: between values with and without; none where every value has a steady state.
     """
 
@@ -103,14 +113,20 @@ class SteadyMap:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What a reader of the map should know: values without a steady state, boundaries, states left out, other trims."""
-        found = [entry.reason for entry in self.missing]
         sweep = self.sweep
+        found = [
+            f"at {sweep.name} = {entry.value:g} {sweep.unit}, undecided: {entry.reason}" if isinstance(entry, Undecided) else entry.reason
+            for entry in self.missing
+        ]
         for boundary in self.boundaries:
             side = "below" if boundary.without.value < boundary.value else "above"
             resting = f"{self.output.name} = {boundary.trim.output(self.output.name):.4g} {self.output.unit}"
-            found.append(
-                f"no steady state {side} {sweep.name} = {boundary.value:.6g} {sweep.unit}, where {resting}, inside the search range"
-            )
+            place = f"{side} {sweep.name} = {boundary.value:.6g} {sweep.unit}, where {resting}"
+            if boundary.undecided:
+                limit = f"{boundary.without.value:.6g} {sweep.unit}"
+                found.append(f"steady states end {place}, and before {limit}; undecided where between them: {boundary.undecided}")
+            else:
+                found.append(f"no steady state {place}, inside the search range")
         for value, trim in zip(self.values, self.trims, strict=True):
             place = f"at {sweep.name} = {value:g} {sweep.unit}"
             found += [f"{place}, {entry}" for entry in trim.left_out]
@@ -141,12 +157,14 @@ def find_steady_map(
         tolerance: how closely an end of the steady states is enclosed, in units of the swept input.
 
     Returns:
-        The map; values without a steady state are listed in it with the reason, and each end is found by bisection.
+        The map; values without a steady state, or with an undecided one, are listed in it with the reason, and each end is found by
+        bisection.
 
     Raises:
-        InvalidInputError: a name is unknown, values do not rise or are out of range, or the tolerance is not positive.
+        InvalidInputError: a name is unknown, values do not rise or are out of range, or the tolerance is not positive; or at no value a
+            trim, and at some an equation without a finite derivative or value, or a lag that is not positive.
         NoTrimError: no value has a steady state.
-        NotConvergedError: the stability of a steady state could not be decided.
+        NotConvergedError: at no value a trim, and at some a steady state whose stability could not be decided.
     """
     sweep = system.inputs[index_of(system.inputs, sweep_input)]
     shown = system.outputs[index_of(system.outputs, output)]
@@ -160,6 +178,9 @@ def find_steady_map(
     rests = find_rests_along(system, [{**others, sweep_input: float(value)} for value in grid])
     results = _chosen(grid, rests)
     if not any(isinstance(result, Trim) for result in results):
+        for rest in rests:
+            for reason in rest.undecided:
+                raise reason
         message = f"no steady state at any {sweep_input} of {grid[0]:g} to {grid[-1]:g} {sweep.unit}; the first: {_reason(results)}"
         raise NoTrimError(message, low=float(grid[0]), high=float(grid[-1]))
     places = [_Place(float(value), result, rest) for value, result, rest in zip(grid, results, rests, strict=True)]
@@ -178,6 +199,9 @@ def _checked_values(sweep: Variable, values: ArrayLike) -> Floats:
     grid = np.array(values, dtype=float)
     if grid.ndim != 1 or grid.size < 2:
         message = f"values of {sweep.name} have shape {grid.shape}; give a list of at least two"
+        raise InvalidInputError(message)
+    if not np.isfinite(grid).all():
+        message = f"values of {sweep.name} hold {grid[~np.isfinite(grid)][0]:g}; give finite ones"
         raise InvalidInputError(message)
     if not np.all(np.diff(grid) > 0.0):
         message = f"values of {sweep.name} do not rise strictly; sort them and give each once"
@@ -205,6 +229,8 @@ def _chosen(values: Sequence[float] | Floats, rests: Sequence[Rests], near: Mapp
             trim = rest.choose(last)
         except NoTrimError as error:
             results.append(Missing(value=float(value), reason=str(error)))
+        except RevlineError as error:
+            results.append(Undecided(value=float(value), reason=str(error)))
         else:
             last = _named_states(trim)
             results.append(trim)
@@ -220,9 +246,9 @@ def _named_states(trim: Trim) -> dict[str, float]:
 
 
 def _find_boundaries(places: Sequence[_Place], sweep_input: str, tolerance: float) -> list[Boundary]:
-    """Enclose an end between each pair of neighbours of which one has a steady state and the other none."""
+    """Enclose an end between each pair of neighbours, of those decided, of which one has a steady state and the other none."""
     boundaries = []
-    for pair in itertools.pairwise(places):
+    for pair in itertools.pairwise(place for place in places if not isinstance(place.result, Undecided)):
         for inside, outside in (pair, pair[::-1]):
             if isinstance(inside.result, Trim) and isinstance(outside.result, Missing):
                 start = Boundary(value=inside.value, trim=inside.result, without=outside.result)
@@ -234,7 +260,8 @@ def _find_boundaries(places: Sequence[_Place], sweep_input: str, tolerance: floa
 def _enclose(equations: SteadyEquations, start: Boundary, known: Floats, asked: tuple[str, float]) -> Boundary:
     """Find where steady states end: first by following those known, then by a full search on both sides of where that leads.
 
-    What the full search says counts; where it contradicts, the rest is bisected with full searches.
+    What the full search says counts; where it contradicts, the rest is bisected with full searches. Where the middle is undecided,
+    other values between are tried; where none of them helps, the end stays as wide as it is then known.
     """
     system, (sweep_input, tolerance), boundary = equations.system, asked, start
     others = {variable.name: float(value) for variable, value in zip(system.inputs, equations.known, strict=True)}
@@ -245,16 +272,26 @@ def _enclose(equations: SteadyEquations, start: Boundary, known: Floats, asked: 
             if not min(boundary.value, boundary.without.value) < value < max(boundary.value, boundary.without.value):
                 continue
             (result,) = _chosen([value], [rest], _named_states(boundary.trim))
-            boundary = replace(boundary, value=value, trim=result) if isinstance(result, Trim) else replace(boundary, without=result)
+            if isinstance(result, Trim):
+                boundary = replace(boundary, value=value, trim=result)
+            elif isinstance(result, Undecided):
+                boundary = replace(boundary, undecided=result.reason)
+            else:
+                boundary = replace(boundary, without=result)
         return boundary
 
     values = _follow_to_the_end(system, (boundary.value, boundary.without.value), known, (others, *asked))
     boundary = narrowed(boundary, values)
     for _ in range(BISECTIONS):
-        if abs(boundary.value - boundary.without.value) <= tolerance:
+        ends = (boundary.value, boundary.without.value)
+        if abs(ends[0] - ends[1]) <= tolerance:
             break
-        boundary = narrowed(boundary, [0.5 * (boundary.value + boundary.without.value)])
-    return boundary
+        boundary = narrowed(boundary, [0.5 * (ends[0] + ends[1])])
+        if (boundary.value, boundary.without.value) == ends:
+            boundary = narrowed(boundary, np.linspace(*ends, PARTS + 1)[1:-1].tolist())
+        if (boundary.value, boundary.without.value) == ends:
+            return boundary
+    return replace(boundary, undecided="")
 
 
 def _follow_to_the_end(

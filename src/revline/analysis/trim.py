@@ -3,6 +3,7 @@
 At rest every channel reads what enters it now, so that lags do not matter for where a steady state lies; they decide whether it is stable.
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from revline.analysis.jacobians import evaluate, find_jacobians, settle_channels
 from revline.analysis.linearize import DRIFT_LIMIT, build_model, rate_unit, search_scale
-from revline.analysis.steady_equations import Search, SteadyEquations, Target, solve_steady
+from revline.analysis.steady_equations import AT_ONCE, Search, SteadyEquations, Target, solve_steady
 from revline.analysis.trim_refusals import LeftOut, find_outside, no_trim
 from revline.errors import InvalidInputError, RevlineError
 from revline.lti.root_batches import characteristic_roots_each
@@ -58,6 +59,10 @@ class Trim:
             if not abs(rate) <= DRIFT_LIMIT * search_scale(variable):
                 message = f"{variable.name} drifts by {rate:g} {rate_unit(variable)}; that is no trim"
                 raise InvalidInputError(message, quantity=variable.name, drift=float(rate))
+        for variable, value in zip(self.output_variables, self.outputs, strict=True):
+            if not math.isfinite(value):
+                message = f"{variable.name} = {value:g} {variable.unit} at rest; an output without a value makes no trim"
+                raise InvalidInputError(message, quantity=variable.name, value=float(value))
         make_read_only(self)
 
     @property
@@ -124,8 +129,10 @@ def find_trim(
         The trim, its stability, and all other steady states met.
 
     Raises:
-        InvalidInputError: a name is unknown, a value is out of range, or outputs and free inputs are not equally many.
+        InvalidInputError: a name is unknown, a value is out of range, or outputs and free inputs are not equally many; or an equation
+            has no finite derivative or value at a steady state, or a lag is not positive there.
         NoTrimError: there is no steady state in the search range; the message says how near the search came.
+        NotConvergedError: the stability of a steady state could not be decided.
 
     Example:
         >>> from revline.engine.lee1995 import lee1995
@@ -147,19 +154,25 @@ class Rests:
         search: the solutions.
         candidates: trims inside the search range.
         left_out: steady states outside it.
+        undecided: why steady states inside the search range make no trims: no lag, derivative or output, or no decided stability.
     """
 
     equations: SteadyEquations
     search: Search
     candidates: tuple[Trim, ...]
     left_out: tuple[LeftOut, ...]
+    undecided: tuple[RevlineError, ...]
 
     def choose(self, near: Mapping[str, float]) -> Trim:
         """Choose one of the trims, the nearest to some states where they are named; see `find_trim`.
 
         Raises:
             NoTrimError: there is none.
+            InvalidInputError: an equation has no finite derivative or value at a steady state, or a lag is not positive.
+            NotConvergedError: the stability of a steady state could not be decided.
         """
+        for reason in self.undecided:
+            raise reason
         if not self.candidates:
             raise no_trim(self.equations, self.search, self.left_out)
         ordered = _by_preference(self.equations.system, self.candidates, near)
@@ -173,15 +186,19 @@ def judge_each(equations: Sequence[SteadyEquations], searches: Sequence[Search])
         equations: of each search; all of one system.
         searches: from `solve_steady_each`.
 
-    Raises:
-        InvalidInputError: an equation has no finite derivative at a steady state, or a lag is not positive.
-        NotConvergedError: the stability of a trim could not be decided.
+    Returns:
+        What was met by each; a steady state that makes no trim concerns its own search alone, see `Rests.choose`.
     """
     places = [(k, unknowns) for k, search in enumerate(searches) for unknowns in search.solutions]
     outside = [find_outside(equations[k], unknowns) for k, unknowns in places]
     wanted = [j for j, entry in enumerate(outside) if not (isinstance(entry, LeftOut) and entry.longest_lag > LONGEST_JUDGED)]
-    built = dict(zip(wanted, _build_each([(equations[places[j][0]], places[j][1]) for j in wanted]), strict=True))
-    found: list[tuple[list[Trim], list[LeftOut]]] = [([], []) for _ in searches]
+    parts = (wanted[first : first + AT_ONCE] for first in range(0, len(wanted), AT_ONCE))
+    built = {
+        j: trim
+        for part in parts
+        for j, trim in zip(part, _build_each([(equations[places[j][0]], places[j][1]) for j in part]), strict=True)
+    }
+    found: list[tuple[list[Trim], list[LeftOut], list[RevlineError]]] = [([], [], []) for _ in searches]
     for j, (k, _) in enumerate(places):
         entry, trim = outside[j], built.get(j)
         if isinstance(entry, LeftOut):
@@ -189,10 +206,10 @@ def judge_each(equations: Sequence[SteadyEquations], searches: Sequence[Search])
         elif isinstance(trim, Trim):
             found[k][0].append(trim)
         elif trim is not None:
-            raise trim
+            found[k][2].append(trim)
     return tuple(
-        Rests(equations=posed, search=search, candidates=tuple(candidates), left_out=tuple(left_out))
-        for posed, search, (candidates, left_out) in zip(equations, searches, found, strict=True)
+        Rests(equations=posed, search=search, candidates=tuple(candidates), left_out=tuple(left_out), undecided=tuple(undecided))
+        for posed, search, (candidates, left_out, undecided) in zip(equations, searches, found, strict=True)
     )
 
 
@@ -241,8 +258,6 @@ def _judged(entry: LeftOut, trim: Trim) -> LeftOut:
 
 def _build_each(places: Sequence[tuple[SteadyEquations, Floats]]) -> list[Trim | RevlineError]:
     """Make a trim of each solution, or the error why it is none."""
-    if not places:
-        return []
     system = places[0][0].system
     split = [equations.split(unknowns) for equations, unknowns in places]
     x, u = (np.array([pair[k] for pair in split]) for k in range(2))

@@ -28,8 +28,7 @@ def find_rests_along(system: DelaySystem, inputs: Sequence[Mapping[str, float]])
         What was met at each place.
 
     Raises:
-        InvalidInputError: a name is unknown, a value is out of range, or see `judge_each`.
-        NotConvergedError: the stability of a trim could not be decided.
+        InvalidInputError: a name is unknown, or a value is out of range.
     """
     equations = [pose(system, each, {}, ()) for each in inputs]
     known = np.array([posed.known for posed in equations])

@@ -73,7 +73,7 @@ def fit(
     title = name or (out.stem if out is not None and str(out) != "-" else data.stem)
     record = fit_record(found, verdict, name=title, provenance={"program": PROGRAM, "data": data.name})
     shell.write(out, format_json(record), "model file")
-    shell.warn(*file.notes)
+    shell.warn(*file.notes, *_doubts(found))
     shell.show(record, Facts(f"Model {title} of {data.name}", _model_facts(found)), verdict.text, text_on=out)
 
 
@@ -84,6 +84,12 @@ def _delay_of(choice: DelayChoice, value: float | None) -> "DelayRule | float":
         message = f"--delay {choice} with {'no --delay-s' if value is None else '--delay-s'}: give --delay fixed and --delay-s together"
         raise InvalidInputError(message)
     return DelayRule(choice) if value is None else value
+
+
+def _doubts(found: "ModelFit") -> list[str]:
+    from revline.design.fitting.determination import find_undetermined
+
+    return [f"the data do not determine the model: {reason}" for reason in find_undetermined(found)]
 
 
 def _model_facts(found: "ModelFit") -> list[tuple[str, float | str, str]]:

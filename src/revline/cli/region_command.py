@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption
+from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption, TimeStepOption
 from revline.cli.plants import EngineChoice, find_engine_trim, linearise_engine, refuse_engine
 from revline.cli.plots import PlotOption, check_plot, write_plot
 from revline.cli.shell import Facts, Grid, Shell
@@ -32,6 +32,7 @@ class _Simulation(NamedTuple):
 
     rays: int
     step: float
+    time_step: float
     workers: int
 
 
@@ -80,6 +81,7 @@ def region(
     largest_kd: LargestKdOption = False,
     on_engine: OnEngineOption = 0,
     step: StepOption = 60.0,
+    time_step: TimeStepOption = 1e-3,
     plot: PlotOption = None,
     csv: CsvOption = None,
     workers: WorkersOption = 2,
@@ -103,7 +105,7 @@ def region(
     plant = _Plant(model, EngineChoice(engine, throttle, load))
     marks = _marks(mark or [])
     question = _question(kd, ms, (damping, damping_up_to), (kp_max, ki_max), marked=bool(marks))
-    simulation = _simulation(plant, on_engine, step, workers)
+    simulation = _simulation(plant, on_engine, (step, time_step), workers)
     name, make, delayed = _maker(plant)
     slices = find_slices(make, question, marks=marks, delayed=delayed)
     largest = find_largest_kd(make) if largest_kd else None
@@ -145,13 +147,13 @@ def _marks(paths: Sequence[Path]) -> "tuple[Mark, ...]":
     return tuple(mark_controller(path.stem, read_controller(path).feedback_gains) for path in paths)
 
 
-def _simulation(plant: _Plant, rays: int, step: float, workers: int) -> _Simulation | None:
+def _simulation(plant: _Plant, rays: int, steps: tuple[float, float], workers: int) -> _Simulation | None:
     if rays == 0:
         return None
     if plant.model is not None:
         message = "--on-engine simulates the nonlinear engine; leave the model file out and give --throttle, or leave --on-engine out"
         raise InvalidInputError(message)
-    return _Simulation(rays, step, workers)
+    return _Simulation(rays, *steps, workers)
 
 
 def _maker(plant: _Plant) -> tuple[str, "Callable[[float, Contour], LoopFamily]", bool]:
@@ -181,7 +183,7 @@ def _simulate(shell: Shell, plant: _Plant, asked: _Simulation | None, kds: Seque
     for kd in kds:
         with shell.progress(f"boundary of {system.name} at kd = {kd:g}") as progress:
             case = StepCase(command=asked.step, kd=kd, limits=limits)
-            search = BoundarySearch(rays=asked.rays)
+            search = BoundarySearch(rays=asked.rays, step=asked.time_step)
             found.append(find_nonlinear_boundary(system, trim, case, search=search, workers=asked.workers, progress=progress))
         shell.warn(*(f"no boundary on the ray through kp = {r.kp:.4g}, ki = {r.ki:.4g}: {r.reason}" for r in found[-1].lost))
     return found

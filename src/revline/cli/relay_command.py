@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from revline import __version__
-from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption, ThrottleOption
+from revline.cli.options import DEFAULT_ENGINE, EngineOption, JsonOption, LoadOption, OutOption, QuietOption, ThrottleOption, TimeStepOption
 from revline.cli.plants import EngineChoice, find_engine_trim
 from revline.cli.shell import Grid, Shell
 
@@ -22,6 +22,7 @@ def relay(
     hysteresis: Annotated[float, typer.Option("--hysteresis", metavar="RAD_S", help="Half the width of its hysteresis [rad/s].")] = 0.0,
     until: Annotated[float, typer.Option("--until", metavar="S", help="Length of the experiment [s].")] = 8.0,
     command: Annotated[float, typer.Option("--command", metavar="RAD_S", help="Step of the speed command in the bisection [rad/s].")] = 0.1,
+    time_step: TimeStepOption = 1e-3,
     engine: EngineOption = DEFAULT_ENGINE,
     out: OutOption = None,
     json: JsonOption = False,
@@ -40,7 +41,7 @@ def relay(
     shell = Shell(json=json, quiet=quiet)
     shell.prepare(out, "ultimate points")
     system, trim = find_engine_trim(EngineChoice(engine, throttle, load), "a relay experiment needs --throttle [deg]")
-    task = RelayTask(amplitude=amplitude, hysteresis=hysteresis, until=until)
+    task = RelayTask(amplitude=amplitude, hysteresis=hysteresis, until=until, step=time_step)
     with shell.busy("running the relay, then the bisection"):
         found = compare_ultimate_points(system, trim, task, command=command)
     record = ultimate_record(found, engine=system.name, place=(throttle, load), provenance={"program": f"revline {__version__}"})

@@ -8,10 +8,11 @@ import re
 from collections.abc import Mapping, Sequence
 from enum import Enum
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
+from revline.design.controllers.gain_schedule import ScheduleTables
 from revline.errors import InvalidInputError, out_of_range
 from revline.io.recorded_operations import Operation, Statement, check_names, flat_parameters, given, named_parameters, write_statements
 from revline.sampled import SampledController
@@ -142,6 +143,7 @@ def write_c_controller(
     pairs = flat_parameters(parameters)
     if precision is Precision.FLOAT:
         _check_single(pairs, units)
+        _check_axes(parameters)
     declared = "\n".join(f"    real {field}; /* [{_comment(units.get(field, '1'))}] */" for field, _ in pairs)
     constants = "\n".join(f"    {_literal(float(value))}, /* {field} */" for field, value in pairs)
     begin, sample = _start(controller), _step(controller)
@@ -177,6 +179,21 @@ def _check_single(pairs: Sequence[tuple[str, float]], units: Mapping[str, str]) 
         if math.isfinite(value) and value != 0.0 and not float(limits.tiny) <= abs(value) <= float(limits.max):
             limit = f"{float(limits.tiny):.3g} to {float(limits.max):.3g} in magnitude, or 0, in single precision"
             raise out_of_range(f"parameter {field}", value, units.get(field, ""), limit, "export in double precision")
+
+
+def _check_axes(parameters: Any) -> None:
+    """Refuse a schedule two of whose nodes become one: what lies between them is divided by their distance."""
+    tables = getattr(parameters, "tables", None)
+    if isinstance(tables, ScheduleTables):
+        for axis, nodes in (("first", tables.first), ("second", tables.second)):
+            near = np.flatnonzero(np.diff(np.asarray(nodes, dtype=np.float32)) <= 0.0)
+            if near.size:
+                low, high = nodes[near[0] : near[0] + 2]
+                message = (
+                    f"nodes {low!r} and {high!r} of the schedule's {axis} axis are one number in single precision; leave one out, or export"
+                    " in double precision"
+                )
+                raise InvalidInputError(message, low=low, high=high)
 
 
 def _start(controller: SampledController) -> str:

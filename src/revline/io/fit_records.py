@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from revline.design.fitting.determination import find_undetermined
 from revline.design.fitting.fit import ModelFit
 from revline.design.fitting.model_choice import Verdict
 from revline.io.model_files import model_record
@@ -34,6 +35,7 @@ def fit_record(fit: ModelFit, verdict: Verdict, *, name: str, provenance: Mappin
         "gradient": fit.optimum.gradient,
         "starts": len(fit.optimum.starts),
         "starts_agreeing": fit.optimum.starts_agreeing,
+        "undetermined": find_undetermined(fit),
         "max_magnitude_error_db": fit.max_magnitude_error_db,
         "max_phase_error_deg": fit.max_phase_error_deg,
         "accepted": verdict.accepted,

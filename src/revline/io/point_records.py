@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from revline.analysis.linearize import Linearization
 from revline.analysis.operating_range import ErrorMeasure, LineFit, OperatingRange
-from revline.analysis.steady_map import SteadyMap
+from revline.analysis.steady_map import Boundary, SteadyMap
 from revline.analysis.trim import Trim
 from revline.io.csv_text import format_csv
 from revline.lti.root_regions import RootsInRegion
@@ -89,9 +89,15 @@ def map_record(steady_map: SteadyMap, *, load: float) -> Mapping[str, object]:
             }
             for trim in steady_map.trims
         ],
-        "ends": [{"throttle_deg": end.value, "speed_rad_s": end.trim.output("engine_speed")} for end in steady_map.boundaries],
+        "ends": [_end_record(end) for end in steady_map.boundaries],
         "warnings": list(steady_map.warnings),
     }
+
+
+def _end_record(end: Boundary) -> Mapping[str, object]:
+    """Where steady states end; with `undecided_to_deg` where the end lies somewhere between the two."""
+    open_to = {"undecided_to_deg": end.without.value} if end.undecided else {}
+    return {"throttle_deg": end.value, "speed_rad_s": end.trim.output("engine_speed"), **open_to}
 
 
 def format_map(steady_map: SteadyMap, *, load: float) -> str:

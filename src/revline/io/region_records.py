@@ -199,7 +199,7 @@ def describe_slice(entry: GainSlice) -> list[tuple[str, float | str, str]]:
     region = entry.region
     unit = region.family.gain_unit
     rows: list[tuple[str, float | str, str]] = [
-        ("kp without integral", f"{low:.5g} to {high:.5g}", unit) for low, high in region.kp_ends()
+        ("kp without integral", f"{low + 0.0:.5g} to {high + 0.0:.5g}", unit) for low, high in region.kp_ends()
     ] or [("kp without integral", "none stabilises", "")]
     if region.rim.any():
         top = int(region.ki[region.rim].argmax())

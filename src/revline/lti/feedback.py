@@ -83,7 +83,8 @@ class FeedbackBlock:
             abscissa: where the line crosses the real axis, in rad/s; where there are many blocks, one for each.
 
         Raises:
-            AnalysisError: channels feed one another with a gain of 1 or more on the line, so that roots have no bound.
+            AnalysisError: channels feed one another with a gain of 1 or more on the line, so that roots have no bound, or the bound exceeds
+                the range of numbers.
         """
         decay = np.exp(np.minimum(-abscissa[..., None] * self.lags, 600.0))[..., None]
         loop = decay * np.abs(self.D)
@@ -95,7 +96,11 @@ class FeedbackBlock:
             raise AnalysisError(message)
         if not self.states:
             return np.zeros(self.A.shape[:-2])
-        whole = np.abs(self.A) + np.abs(self.B) @ np.linalg.solve(np.eye(loop.shape[-1]) - loop, decay * np.abs(self.C))
+        with np.errstate(over="ignore", invalid="ignore"):
+            whole = np.abs(self.A) + np.abs(self.B) @ np.linalg.solve(np.eye(loop.shape[-1]) - loop, decay * np.abs(self.C))
+        if not np.isfinite(whole).all():
+            message = "states and delay channels feed one another with gains whose product exceeds the range of numbers; choose other units"
+            raise AnalysisError(message)
         return np.asarray(np.max(np.abs(np.linalg.eigvals(whole)), axis=-1))
 
     def count_right_of(self, abscissa: float) -> int:

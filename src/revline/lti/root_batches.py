@@ -1,12 +1,13 @@
 """Right-most characteristic roots of many linear delay systems at once."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from revline.errors import RevlineError
 from revline.lti.feedback import FeedbackBlock, feedback_blocks, stack_blocks
+from revline.lti.response import Floats
 from revline.lti.roots import (
     Listed,
     RightmostRoots,
@@ -20,12 +21,21 @@ from revline.lti.roots import (
 )
 from revline.lti.state_space import DelayStateSpace
 
+LARGEST = 1e50
+"""A system with larger entries is looked at alone."""
+
+MOST_TURNS = 2000.0
+"""A system whose phase may turn by more along a line, in rad, is counted alone: that takes long, and is not to be done twice."""
+
+Looked = Mapping[int, Listed]
+"""Roots refined, by degrees."""
+
 
 def characteristic_roots_each(systems: Sequence[DelayStateSpace], *, count: int = 6) -> tuple[RightmostRoots | RevlineError, ...]:
     """Find the right-most roots of many systems as `characteristic_roots` does of one, with the same checks of each.
 
-    What settles with the first two degrees, and is confirmed by the argument principle at the first look, is found together; any
-    other system is then looked at alone.
+    What settles with the first two degrees, and is confirmed by the argument principle at the first look, is found together; with any
+    other system one goes on alone from there.
 
     Args:
         systems: linear systems with delay channels, as a rule one model at many points.
@@ -38,43 +48,62 @@ def characteristic_roots_each(systems: Sequence[DelayStateSpace], *, count: int 
     alike: dict[tuple[int, int], list[tuple[int, int]]] = {}
     for k, blocks in enumerate(parts):
         for j, block in enumerate(blocks):
-            if block.lags.size and block.states and not np.any(block.D):
+            if block.lags.size and block.states and not np.any(block.D) and _is_usual(block):
                 alike.setdefault((block.states, block.lags.size), []).append((k, j))
-    found: dict[tuple[int, int], RightmostRoots] = {}
+    found: dict[tuple[int, int], RightmostRoots | Looked] = {}
     for places in alike.values():
         settled = _settled_at_once(stack_blocks([parts[k][j] for k, j in places]), count)
-        found.update((place, roots) for place, roots in zip(places, settled, strict=True) if isinstance(roots, RightmostRoots))
-    return tuple(_joined(blocks, [found.get((k, j)) for j in range(len(blocks))], count) for k, blocks in enumerate(parts))
+        found.update(zip(places, settled, strict=True))
+    return tuple(_joined(blocks, [found.get((k, j), {}) for j in range(len(blocks))], count) for k, blocks in enumerate(parts))
 
 
-def _joined(blocks: Sequence[FeedbackBlock], known: Sequence[RightmostRoots | None], count: int) -> RightmostRoots | RevlineError:
+def _joined(blocks: Sequence[FeedbackBlock], known: Sequence[RightmostRoots | Looked], count: int) -> RightmostRoots | RevlineError:
     try:
-        return join_roots([roots or block_roots(block, count) for block, roots in zip(blocks, known, strict=True)], count)
+        alone = (
+            entry if isinstance(entry, RightmostRoots) else block_roots(block, count, entry)
+            for block, entry in zip(blocks, known, strict=True)
+        )
+        return join_roots(list(alone), count)
     except RevlineError as error:
         return error
 
 
-def _settled_at_once(blocks: FeedbackBlock, count: int) -> list[RightmostRoots | tuple[()]]:
-    """Roots of many blocks of one shape; nothing for a block that takes more than the first look."""
-    degrees = first_degrees(blocks.radii(np.zeros(len(blocks.lags))), np.max(blocks.lags, axis=-1))
+def _settled_at_once(blocks: FeedbackBlock, count: int) -> list[RightmostRoots | Looked]:
+    """Roots of many blocks of one shape; for a block that takes more than the first look, what was found by degrees."""
+    radii = blocks.radii(np.zeros(len(blocks.lags)))
+    degrees = first_degrees(radii, np.max(blocks.lags, axis=-1))
     finer = (1.5 * degrees).astype(int)
     before, now = _refined(blocks, degrees, count), _refined(blocks, finer, count)
-    lines = np.array([line_right_of(entry.roots) if entry.roots.size else 0.0 for entry in now])
-    right = blocks.count_right_of_each(lines)
-    unstable = np.array([int(np.sum(entry.roots.real > axis_widths(entry.roots))) for entry in now])
-    (some,) = np.nonzero(unstable)
-    counted = np.zeros(len(now), dtype=int)
-    if some.size:
-        counted[some] = blocks.rows(some).count_right_of_each(np.zeros(some.size))
-    found: list[RightmostRoots | tuple[()]] = []
-    for k, entry in enumerate(now):
-        sure = settled_roots(before[k], entry) == entry.roots.size == before[k].roots.size and right[k] == 0
-        on_axis = np.any(np.abs(entry.roots.real) <= axis_widths(entry.roots))
-        if sure and not on_axis and counted[k] == unstable[k] < entry.roots.size:
-            found.append(_record(entry, int(unstable[k]), int(finer[k])))
-        else:
-            found.append(())
-    return found
+    looked: list[RightmostRoots | Looked] = [
+        {int(degree): first, int(more): second} for degree, first, more, second in zip(degrees, before, finer, now, strict=True)
+    ]
+    slow = radii * np.sum(blocks.lags, axis=-1) < MOST_TURNS
+    rows = np.array([k for k, entry in enumerate(now) if slow[k] and _is_settled(before[k], entry)], dtype=int)
+    right = _counted(blocks, rows, np.array([line_right_of(now[k].roots) for k in rows]))
+    rows = rows[right == 0]
+    unstable = np.array([int(np.sum(now[k].roots.real > axis_widths(now[k].roots))) for k in rows], dtype=int)
+    counted = np.zeros(rows.size, dtype=int)
+    counted[unstable > 0] = _counted(blocks, rows[unstable > 0], np.zeros(np.count_nonzero(unstable)))
+    for k, listed in zip(rows[counted == unstable].tolist(), unstable[counted == unstable].tolist(), strict=True):
+        looked[k] = _record(now[k], listed, int(finer[k]))
+    return looked
+
+
+def _is_settled(before: Listed, now: Listed) -> bool:
+    """Whether two degrees have the same roots, none of them on the imaginary axis."""
+    if not (now.roots.size and settled_roots(before, now) == now.roots.size == before.roots.size):
+        return False
+    return not np.any(np.abs(now.roots.real) <= axis_widths(now.roots))
+
+
+def _counted(blocks: FeedbackBlock, rows: NDArray[np.int64], lines: Floats) -> NDArray[np.int64]:
+    """Roots of some blocks right of a line of each."""
+    return blocks.rows(rows).count_right_of_each(lines) if rows.size else np.zeros(0, dtype=int)
+
+
+def _is_usual(block: FeedbackBlock) -> bool:
+    """Whether no product of its entries and of the decays on a line can leave the range of numbers, which would spoil all others."""
+    return all(float(np.max(np.abs(part), initial=0.0)) < LARGEST for part in (block.A, block.B, block.C))
 
 
 def _refined(blocks: FeedbackBlock, degrees: NDArray[np.int64], count: int) -> list[Listed]:

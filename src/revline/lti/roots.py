@@ -7,8 +7,9 @@ refined by Newton on the exact characteristic matrix; what is no root of that is
 
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -112,7 +113,7 @@ def characteristic_roots(system: DelayStateSpace, *, count: int = 6) -> Rightmos
     Raises:
         InvalidInputError: `count` is not positive.
         AnalysisError: channels feed one another in a loop with a gain of 1 or more and no state between, so that the roots to the right
-            may be without number.
+            may be without number, or with gains beyond the range of numbers.
         NotConvergedError: the roots did not settle, or cannot be counted.
 
     Source:
@@ -147,17 +148,17 @@ class Listed:
     errors: Floats
 
 
-def block_roots(block: FeedbackBlock, count: int) -> RightmostRoots:
-    """Raise the degree until the right-most roots settle and agree with the argument principle."""
+def block_roots(block: FeedbackBlock, count: int, known: Mapping[int, Listed] = MappingProxyType({})) -> RightmostRoots:
+    """Raise the degree until the right-most roots settle and agree with the argument principle; `known` holds those of some degrees."""
     if not block.lags.size:
         return _eigenvalues(block, count)
     degree = int(first_degrees(block.radius(), np.max(block.lags)))
-    before = _refined(block, degree, count)
+    before = known[degree] if degree in known else _refined(block, degree, count)
     last, history = False, [0]
     while not last:
         degree = int(1.5 * degree)
         last = degree >= LARGEST_DEGREE or 1.5 * degree * block.lags.size >= LARGEST_MATRIX
-        now = _refined(block, degree, count)
+        now = known[degree] if degree in known else _refined(block, degree, count)
         history.append(settled_roots(before, now))
         settled = history[-1]
         # Roots far to the left may drown in rounding: when more points bring no more of them, fewer than asked for will do.

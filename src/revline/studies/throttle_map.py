@@ -44,17 +44,23 @@ def find_throttle_map(engine: "DelaySystem", angles: Angles, load: float, wordin
     """Find the steady states at throttle angles under a load in N m.
 
     Raises:
-        InvalidInputError: the angles do not rise.
+        InvalidInputError: the angles do not rise, or one is not finite.
     """
+    import math
+
     import numpy as np
 
     from revline.analysis.steady_map import find_steady_map
 
+    control = {"control": wording.control} if wording.control else {}
+    for name, angle in ((wording.low, angles.low), (wording.high, angles.high)):
+        if not math.isfinite(angle):
+            message = f"{name} {angle:g} is no angle; give a number of degrees"
+            raise InvalidInputError(message, angle=angle, **control)
     if not angles.low < angles.high:
         message = (
             f"{wording.low} {angles.low:g} is not below {wording.high} {angles.high:g}: the angles must rise; give the lower one first"
         )
-        control = {"control": wording.control} if wording.control else {}
         raise InvalidInputError(message, low=angles.low, high=angles.high, **control)
     values = np.linspace(*angles)
     return find_steady_map(engine, sweep_input="throttle", values=values, output="engine_speed", inputs={"load_torque": load})

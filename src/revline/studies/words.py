@@ -4,7 +4,7 @@ import re
 from types import MappingProxyType
 
 from revline.design.loops.closed_loop import MISSED, LoopRun, describe_outcome
-from revline.design.loops.outcome import Diverged, LimitCycle, Settled, Stalled
+from revline.design.loops.outcome import Diverged, LimitCycle, Settled
 from revline.errors import NotSettledError
 from revline.report.numbers import MINUS, format_number
 from revline.studies.results import title
@@ -53,9 +53,6 @@ def outcome_name(run: LoopRun) -> str:
 
 def outcome_text(run: LoopRun) -> str:
     """How a loop on the engine ends, with its numbers in their units."""
-    if isinstance(run.outcome, Stalled):
-        unit = f" {run.gains.input_unit}" if run.outcome.state == "engine_speed" else ""
-        return f"stalls after {run.outcome.time:.3g} s, at {run.outcome.state.replace('_', ' ')} {run.outcome.value:.4g}{unit}"
     return typographic(describe_outcome(run))
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from revline.analysis.steady_map import Undecided
 from revline.errors import InvalidInputError, PartialResultError, RevlineError
 from revline.io.engine_files import read_engine, write_engine
 from revline.io.json_files import write_json
@@ -229,7 +230,7 @@ def find_warnings(config: StudyConfig, results: StudyResults) -> Iterator[str]:
 def _map_warnings(results: StudyResults) -> Iterator[str]:
     """Where the steady map begins, and what rests below; other warnings of the map as they are."""
     steady = results.range.steady_map
-    below = [missing for missing in steady.missing if missing.value < steady.lowest]
+    below = [missing for missing in steady.missing if missing.value < steady.lowest and not isinstance(missing, Undecided)]
     if below:
         rests = "; ".join(f"{missing.value:g} deg: {_left_out(missing.reason)}" for missing in below)
         speed = min(trim.output("engine_speed") for trim in steady.trims)

@@ -16,7 +16,7 @@ from revline.web.parameters import changed_engine, list_parameters
 from revline.web.problems import CONTENT_TYPE, problem_of
 from revline.web.state import parse_state
 from revline.web.study_file import format_study
-from revline.web.view.build import check_parts, make_view
+from revline.web.view.build import check_parts, find_promises, make_view
 
 LIVE: Final = ("point", "response", "models", "roots", "gains", "margins", "loop_roots", "promises", "loop", "answers", "words")
 """Parts that follow each move on a page."""
@@ -120,6 +120,17 @@ def answer_parts(entries: Mapping[str, Any], names: Sequence[str], seconds: floa
             break
         found[name] = format_compact_json(make_view(state, [name])["parts"][name]).encode()
     return found
+
+
+def answer_promises(entries: Mapping[str, Any], models: bytes) -> Mapping[str, bytes]:
+    """Find the part `promises`, as JSON, from the part `models` that another process found.
+
+    Args:
+        entries: the state, which was checked before.
+        models: the part, as JSON, found for this state.
+    """
+    found = find_promises(parse_state(entries), json.loads(models))
+    return {"promises": format_compact_json(found).encode()}
 
 
 def warm_up() -> None:

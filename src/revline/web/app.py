@@ -1,8 +1,9 @@
 """The HTTP application of the workbench: the page, and the API under a versioned path."""
 
 import asyncio
+import mimetypes
 import os
-from collections.abc import AsyncIterator, Callable, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from http import HTTPStatus
 from importlib import resources
@@ -11,7 +12,7 @@ from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, FastAPI, Header, Request, Response
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import FileResponse, PlainTextResponse
+from fastapi.responses import PlainTextResponse
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.exceptions import HTTPException
 from starlette.middleware.gzip import GZipMiddleware
@@ -53,7 +54,7 @@ class ViewRequest(BaseModel):
 
     state: State = State()
     parts: Annotated[list[str], Field(max_length=32, description=f"of {', '.join((*PARTS, WORDS))}")] = list(LIVE)
-    whole: Annotated[bool, Field(description="all parts in one answer; if false, some may be left for `later` while many wait")] = True
+    whole: Annotated[bool, Field(description="all parts in one answer; if false, some may be left for `later`")] = True
 
 
 class StateRequest(BaseModel):
@@ -107,7 +108,7 @@ def create(rules: Rules | None = None, *, ready: Callable[[], None] | None = Non
         responses={422: {"model": Problem}, 503: {"model": Problem}},
     )
     app.include_router(_api())
-    app.include_router(_page())
+    app.include_router(page_routes())
     for kind, handler in (
         (RequestValidationError, _invalid),
         (HTTPException, _missing),
@@ -169,7 +170,8 @@ def _api() -> APIRouter:
         """Numbers and series of a state; a part that cannot be found is {"problem": ...}, and leaves the others whole.
 
         Of a client's requests (header X-Client) one is answered at a time, and of those that wait only the newest; the others are
-        answered 409. Where `whole` is false, parts may be left for `later` while many clients wait: ask for them again, by their names.
+        answered 409. Where `whole` is false, parts may be left for `later`, those that take longer than the others and, while many
+        clients wait, any: ask for them again, by their names.
         """
         del x_client  # described here, and read with the address
         client = _client_of(request)
@@ -209,25 +211,32 @@ def _file_route(name: str) -> Callable[..., Any]:
     return route
 
 
-def _page() -> APIRouter:
+def page_routes() -> APIRouter:
+    """Serve the page as it is built now."""
     routes = APIRouter(include_in_schema=False)
-    folder = page_folder()
-    files = {path.relative_to(folder).as_posix(): path for path in sorted(folder.rglob("*")) if path.is_file()} if folder.is_dir() else {}
+    files = _built_files(page_folder())
 
     @routes.get("/", response_model=None)
     async def index() -> Response:
         if "index.html" not in files:
             return PlainTextResponse(NOT_BUILT, status_code=HTTPStatus.SERVICE_UNAVAILABLE)
-        return FileResponse(files["index.html"], headers={"cache-control": "no-cache"})
+        return Response(files["index.html"], media_type="text/html", headers={"cache-control": "no-cache"})
 
     @routes.get("/{name:path}", response_model=None)
     async def asset(name: str) -> Response:
         if name not in files:  # names of the build alone, no path of the machine
             raise HTTPException(HTTPStatus.NOT_FOUND)
         held = "public, max-age=31536000, immutable" if name.startswith("assets/") else "no-cache"
-        return FileResponse(files[name], headers={"cache-control": held})
+        return Response(files[name], media_type=mimetypes.guess_type(name)[0], headers={"cache-control": held})
 
     return routes
+
+
+def _built_files(folder: Path) -> Mapping[str, bytes]:
+    """Hold the page's files as they are now: one that is built later has other names, and would be half of each."""
+    if not folder.is_dir():
+        return {}
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
 
 
 def page_folder() -> Path:
@@ -280,5 +289,8 @@ async def _fault(request: Request, error: Exception) -> Response:  # noqa: ARG00
 async def _missing(request: Request, error: Exception) -> Response:
     known: Any = error
     status = HTTPStatus(known.status_code)
-    detail = f"there is nothing at {request.url.path[:200]!r} for {request.method}; {API}/openapi.json lists what there is"
+    if status in {HTTPStatus.NOT_FOUND, HTTPStatus.METHOD_NOT_ALLOWED}:
+        detail = f"there is nothing at {request.url.path[:200]!r} for {request.method}; {API}/openapi.json lists what there is"
+    else:
+        detail = f"the request cannot be read: {known.detail}; send JSON of no more depth and digits than a state has"
     return _problem(make_problem(status.phrase.lower().replace(" ", "-"), status.phrase.lower(), detail, status=status))

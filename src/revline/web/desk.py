@@ -1,10 +1,14 @@
 """What the routes share while the server runs: processes, views and jobs."""
 
 from pathlib import Path
+from typing import Final
 
 from revline.web.jobs.queue import Jobs
 from revline.web.views import Views
 from revline.web.workers import GIBIBYTE, Crew
+
+BEHIND: Final = 2
+"""Niceness of what takes longer: a processor does first what a page follows each move with."""
 
 
 class Desk:
@@ -23,7 +27,7 @@ class Desk:
 
     def __init__(self, data: Path) -> None:
         self.live = Crew(count=2, seconds=30.0, memory=4 * GIBIBYTE)
-        self.slow = Crew(count=1, seconds=60.0, memory=4 * GIBIBYTE)
+        self.slow = Crew(count=1, seconds=60.0, memory=4 * GIBIBYTE, niceness=BEHIND)
         self.readers = Crew(count=1, seconds=20.0, memory=2 * GIBIBYTE)
         self.views = Views(self.live, self.slow)
         self.jobs = Jobs(data)

@@ -61,6 +61,12 @@ def place_of(state: State) -> Place:
     return Place(state.engine, state.changed, state.throttle, state.speed_rad_s, state.load_n_m)
 
 
+@lru_cache(maxsize=KEPT)
+def find_engine(name: str, changed: tuple[tuple[str, float], ...]) -> DelaySystem:
+    """Build an engine with some parameters changed, as `changed_engine` does: once for all points at which it rests."""
+    return changed_engine(name, changed)
+
+
 def find_point(place: Place) -> Point:
     """Find the operating point.
 
@@ -78,7 +84,7 @@ def find_point(place: Place) -> Point:
 def _try_point(place: Place) -> Point | RevlineError:
     """The operating point, or why there is none: a long search that fails is not made again for each part of a view."""
     try:
-        engine = changed_engine(place.engine, place.changed)
+        engine = find_engine(place.engine, place.changed)
         if place.speed is None:
             trim = find_trim(engine, inputs={"throttle": float(place.throttle or 0.0), "load_torque": place.load})
         else:
@@ -141,7 +147,7 @@ def limits_of(state: State, point: Point) -> Limits:
     Raises:
         InvalidInputError: the lower one is not below the upper one, or the angle at rest is not within them.
     """
-    saturation = _saturation(place_of(state))
+    saturation = _saturation(state.engine, state.changed)
     low = 0.0 if state.low_deg is None else state.low_deg
     high = saturation if state.high_deg is None else state.high_deg
     if not low < high:
@@ -159,9 +165,9 @@ def limits_of(state: State, point: Point) -> Limits:
 
 
 @lru_cache(maxsize=KEPT)
-def _saturation(place: Place) -> float:
+def _saturation(name: str, changed: tuple[tuple[str, float], ...]) -> float:
     """The throttle angle from which on it lets no more air pass."""
-    return lee1995_parameters(find_point(place).engine).throttle.saturation_angle
+    return lee1995_parameters(find_engine(name, changed)).throttle.saturation_angle
 
 
 def control_of(error: RevlineError, state: State) -> str:

@@ -48,6 +48,9 @@ class State(BaseModel):
         if self.throttle_deg is not None and self.speed_rad_s is not None:
             message = "throttle_deg and speed_rad_s are both given: one is known, the other is found; leave one out"
             raise ValueError(message)
+        if not all(name.isprintable() for name in self.parameters):
+            message = "parameters: a name holds what cannot be printed; the engine's parameters list them"
+            raise ValueError(message)
         if self.engine not in engine_names():
             message = (
                 f"engine: there is none named {self.engine!r}{suggestion(self.engine, engine_names())}; give {' or '.join(engine_names())}"
@@ -91,7 +94,7 @@ def as_input_error(found: Mapping[str, Any], known: Sequence[str] = ()) -> Inval
     control = ".".join(str(part) for part in found["loc"] if part not in {"float", "int", "nullable[float]"})
     limits = found.get("ctx", {})
     value = found.get("input")
-    shown = repr(value) if not isinstance(value, float | int) or isinstance(value, bool) else f"{value:g}"
+    shown = f"{value:g}" if isinstance(value, float) else repr(value)  # an integer may be beyond all floating-point numbers
     if len(shown) > 60:
         shown = f"{shown[:60]}..."
     kind = found["type"]

@@ -5,13 +5,13 @@ import json
 import math
 import time
 from collections.abc import Awaitable, Mapping, Sequence
-from typing import Final
+from typing import Final, NamedTuple
 
 from revline.io.json_files import format_compact_json
-from revline.web.answers import answer_parts
+from revline.web.answers import answer_parts, answer_promises
 from revline.web.kept import Kept, key_of
 from revline.web.state import State
-from revline.web.turns import Turn
+from revline.web.turns import SupersededError, Turn
 from revline.web.view.build import GROUPS, OF_WORDS, WORDS, check_parts
 from revline.web.view.words import view_words
 from revline.web.workers import Crew, WorkerError
@@ -25,6 +25,10 @@ FEW: Final = 2
 FIRST: Final = ("point", "margins", "loop", "promises", "gains", "answers")
 ORDER: Final = (*FIRST, *(name for group in GROUPS for name in group if name not in FIRST))
 """Live parts, those first that a page shows a move by; the verdict in words is made once its parts are there."""
+
+MODELS: Final = "models"
+PROMISES: Final = "promises"
+"""What the models promise is found from their part alone, by whichever process has time."""
 
 PROBLEM: Final = b'{"problem":'
 
@@ -68,6 +72,13 @@ class Wanted:
         return given, [name for name in self.parts if name not in given]
 
 
+class Share(NamedTuple):
+    """What one of two processes finds of a view: some parts, then others."""
+
+    first: list[str]
+    then: list[str]
+
+
 class Views:
     """Finds views.
 
@@ -78,6 +89,7 @@ class Views:
 
     def __init__(self, live: Crew, slow: Crew) -> None:
         self._live, self._slow, self._kept = live, slow, Kept()
+        self._beside: set[asyncio.Task[None]] = set()
 
     async def find(self, client: str, state: State, parts: Sequence[str], *, newest: bool, whole: bool) -> bytes:
         """Find a view, as JSON.
@@ -102,8 +114,7 @@ class Views:
                 wanted.found |= self._kept.find(wanted.keys)  # another client may have asked for the same meanwhile
                 await asyncio.gather(*self._shares(turn, wanted), *self._slow_share(wanted))
         elif wanted.slow:
-            async with self._slow.turns.turn(client, newest=newest) as turn:
-                await self._share(self._slow, turn, turn.places[0], wanted, wanted.slow)
+            await self._find_slow(wanted, newest=newest)
         given, later = wanted.answer()
         body = b",".join(b'"' + name.encode() + b'":' + part for name, part in given.items())
         left = f',"later":{json.dumps(later)}' if later else ""
@@ -112,8 +123,8 @@ class Views:
     def _shares(self, turn: Turn, wanted: Wanted) -> list[Awaitable[None]]:
         """Live parts, side by side where nobody else waits; else one process finds what there is time for."""
         if len(turn.places) > 1:
-            shares = zip(tuple(turn.places), _split(wanted), strict=False)
-            return [self._share(self._live, turn, place, wanted, share) for place, share in shares]
+            fitted, shares = asyncio.Event(), zip(tuple(turn.places), _split(wanted), strict=False)
+            return [turn.work(place, self._in_steps(place, wanted, share, fitted)) for place, share in shares]
         names = wanted.missing(ORDER)
         if not names:
             return []
@@ -121,27 +132,62 @@ class Views:
         return [self._share(self._live, turn, turn.places[0], wanted, names, seconds)]
 
     def _slow_share(self, wanted: Wanted) -> list[Awaitable[None]]:
-        """Parts that take longer, beside the live ones; where others wait for them, they may be left for later."""
+        """Parts that take longer, beside the live ones, which do not wait for them unless all parts are wanted in one answer."""
         if not wanted.slow or not (wanted.whole or self._slow.turns.unused):
             return []
+        if wanted.whole:
+            return [self._find_slow(wanted, newest=False)]
+        task = asyncio.create_task(self._find_slow(wanted, newest=True))
+        self._beside.add(task)
+        task.add_done_callback(self._end)
+        return []
 
-        async def find() -> None:
-            async with self._slow.turns.turn(wanted.client) as turn:
+    def _end(self, task: asyncio.Task[None]) -> None:
+        """Forget what was found beside: it is kept, or its client asked for something newer."""
+        self._beside.discard(task)
+        if not task.cancelled() and not isinstance(task.exception(), SupersededError | None):
+            task.result()
+
+    async def _find_slow(self, wanted: Wanted, *, newest: bool) -> None:
+        async with self._slow.turns.turn(wanted.client, newest=newest) as turn:
+            wanted.found |= self._kept.find(wanted.keys)
+            if wanted.slow:
                 await self._share(self._slow, turn, turn.places[0], wanted, wanted.slow)
 
-        return [find()]
-
     async def _share(self, crew: Crew, turn: Turn, place: int, wanted: Wanted, names: Sequence[str], seconds: float = math.inf) -> None:
-        found = await turn.work(place, find_share(crew.at(place, answer_parts, wanted.entries, list(names), seconds), names))
+        await turn.work(place, self._find(wanted, names, crew.at(place, answer_parts, wanted.entries, list(names), seconds)))
+
+    async def _in_steps(self, place: int, wanted: Wanted, share: Share, fitted: asyncio.Event) -> None:
+        """One share of two: who fits the models gives them on at once, and what they promise waits for them."""
+        if share.first:
+            try:
+                await self._find(wanted, share.first, self._live.at(place, answer_parts, wanted.entries, share.first, math.inf))
+            finally:
+                if MODELS in share.first:
+                    fitted.set()
+        if PROMISES in share.then:
+            await fitted.wait()
+        models = wanted.found.get(MODELS, PROBLEM)
+        if PROMISES in share.then and not models.startswith(PROBLEM):
+            await self._find(wanted, share.then, self._live.at(place, answer_promises, wanted.entries, models))
+        elif share.then:
+            await self._find(wanted, share.then, self._live.at(place, answer_parts, wanted.entries, share.then, math.inf))
+
+    async def _find(self, wanted: Wanted, names: Sequence[str], asked: Awaitable[Mapping[str, bytes]]) -> None:
+        found = await find_share(asked, names)
         wanted.found |= found
         for name, body in found.items():
             if not body.startswith(PROBLEM):
                 self._kept.keep(wanted.keys[name], body)
 
 
-def _split(wanted: Wanted) -> list[list[str]]:
-    """Live parts that are needed, in groups that share what they need."""
-    return [names for names in (wanted.missing(group) for group in GROUPS) if names]
+def _split(wanted: Wanted) -> list[Share]:
+    """Live parts that are needed, in groups that share what they need; what models promise that are fitted now is the other's to find."""
+    first, second = (wanted.missing(group) for group in GROUPS)
+    if MODELS in first and PROMISES in first:
+        cut = first.index(MODELS) + 1
+        return [Share(first[:cut], [name for name in first[cut:] if name != PROMISES]), Share(second, [PROMISES])]
+    return [Share(names, []) for names in (first, second) if names]
 
 
 async def find_share(asked: Awaitable[Mapping[str, bytes]], names: Sequence[str]) -> Mapping[str, bytes]:

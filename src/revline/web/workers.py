@@ -38,18 +38,19 @@ class Workers:
         count: how many.
         seconds: that one question may take; a process that takes longer is ended and replaced.
         memory: bytes of address space that a process may have.
+        niceness: by how much it stands back where the processors are busy.
     """
 
-    def __init__(self, *, count: int, seconds: float, memory: int) -> None:
+    def __init__(self, *, count: int, seconds: float, memory: int, niceness: int = 0) -> None:
         for name in ONE_THREAD:
             os.environ.setdefault(name, "1")
-        self._seconds, self._memory = seconds, memory
+        self._seconds, self._memory, self._niceness = seconds, memory, niceness
         self.count = count
         self._pool = self._make()
 
     def _make(self) -> ProcessPool:
         context = multiprocessing.get_context("spawn")
-        return ProcessPool(max_workers=self.count, context=context, initializer=limit_memory, initargs=[self._memory])
+        return ProcessPool(max_workers=self.count, context=context, initializer=limit_process, initargs=[self._memory, self._niceness])
 
     async def ask(self, function: Callable[..., T], *arguments: object) -> T:
         """Have a process compute.
@@ -101,10 +102,11 @@ class Crew:
         count: how many.
         seconds: that one question may take.
         memory: bytes of address space that each may have.
+        niceness: by how much each stands back where the processors are busy.
     """
 
-    def __init__(self, *, count: int, seconds: float, memory: int) -> None:
-        self._workers = tuple(Workers(count=1, seconds=seconds, memory=memory) for _ in range(count))
+    def __init__(self, *, count: int, seconds: float, memory: int, niceness: int = 0) -> None:
+        self._workers = tuple(Workers(count=1, seconds=seconds, memory=memory, niceness=niceness) for _ in range(count))
         self.turns = Turns(count)
 
     @property
@@ -146,6 +148,8 @@ def _end(pool: Any) -> None:
     pool.join()
 
 
-def limit_memory(size: int) -> None:
-    """Limit the address space of this process, in bytes."""
-    resource.setrlimit(resource.RLIMIT_AS, (size, size))
+def limit_process(memory: int, niceness: int) -> None:
+    """Limit the address space of this process, in bytes, and let it stand back."""
+    resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+    if niceness:
+        os.nice(niceness)

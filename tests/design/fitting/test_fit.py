@@ -59,6 +59,17 @@ def test_a_free_delay_is_recovered(delay: float, degrees: tuple[int, int]) -> No
     assert coefficients(fit) == pytest.approx([*model.numerator, *model.denominator], rel=1e-6)
 
 
+@pytest.mark.parametrize("lag", [0.3, 3.0])
+@pytest.mark.parametrize("weight", Weight)
+@pytest.mark.parametrize("turned", [10.0, 40.0])
+def test_a_delay_of_many_turns_is_recovered_far_from_rest(lag: float, weight: Weight, turned: float) -> None:
+    """Over one decade, far from 0: the first phase is not the one at rest, and a delay sought from it was none or another."""
+    omega = np.linspace(1.0, 10.0, 80)
+    model = TransferFunction(numerator=(2.0,), denominator=(1.0, lag), delay=turned / omega[-1])
+    fit = fit_transfer_function(model.response(omega), zeros=0, poles=1, delay=DelayRule.FREE, weight=weight)
+    assert [fit.model.delay, *coefficients(fit)] == pytest.approx([model.delay, 2.0, 1.0, lag], rel=1e-6)
+
+
 @given(st.floats(0.0, 0.05), st.floats(0.0, 0.04))
 @settings(deadline=None, max_examples=20)
 def test_a_delay_added_to_the_data_moves_the_phase_line_by_exactly_that(first: float, added: float) -> None:

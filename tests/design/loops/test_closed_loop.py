@@ -227,7 +227,7 @@ def test_a_command_to_zero_stalls_the_engine(engine: DelaySystem, point: Operati
     assert run.output[-1] == pytest.approx(run.outcome.value, abs=0.1)
     assert 20.0 < run.outcome.value < 30.0
     assert run.times[-1] == pytest.approx(run.outcome.time, abs=2e-3)
-    assert describe_outcome(run) == f"stalls after {run.outcome.time:.3g} s: engine_speed = {run.outcome.value:.4g}"
+    assert describe_outcome(run) == f"stalls after {run.outcome.time:.3g} s, at engine speed {run.outcome.value:.4g} rad/s"
     assert run.saturated_share == 1.0
 
 
@@ -276,6 +276,7 @@ def test_operating_points_and_limits_are_checked(engine: DelaySystem, point: Ope
         (math.nan, 8.0, 1e-3, "command step = nan moves nothing"),
         (60.0, 0.0, 1e-3, "stop time = 0 s is outside values above 0"),
         (60.0, math.inf, 1e-3, "stop time = inf s is outside"),
+        (60.0, 0.006, 1e-3, r"stop time = 0.006 s is outside 7 time steps of 0.001 s; run longer, or take shorter time steps"),
         (60.0, 8.0, -1e-3, r"time step = -0.001 s is outside values above 0"),
     ],
 )

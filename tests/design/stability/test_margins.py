@@ -9,7 +9,7 @@ from revline.analysis.linearize import linearize
 from revline.analysis.trim import find_trim
 from revline.design.controllers.controller import PidGains
 from revline.design.stability import axis_grid
-from revline.design.stability.margins import find_margins
+from revline.design.stability.margins import Margins, find_margins, find_margins_each
 from revline.design.stability.open_loop import OpenLoop, open_loop_of_model, open_loop_of_system
 from revline.engine.lee1995 import lee1995
 from revline.errors import AnalysisError, InvalidInputError, NotConvergedError
@@ -175,8 +175,9 @@ def test_a_resonance_on_the_axis_and_a_loop_too_fast_are_errors(monkeypatch: pyt
 
 def test_unfit_questions_are_refused() -> None:
     plant = TransferFunction(numerator=(1.0,), denominator=(0.0, 1.0), delay=1.0)
-    with pytest.raises(InvalidInputError, match=r"lowest frequency = 0 rad/s"):
-        find_margins(open_loop_of_model(plant, pid(1.0)), low=0.0)
+    for low in (0.0, 1e-300, 1e9, np.nan):
+        with pytest.raises(InvalidInputError, match=r"lowest frequency = .* rad/s is outside 1e-100 to 1e\+09 rad/s"):
+            find_margins(open_loop_of_model(plant, pid(1.0)), low=low)
     realised = to_state_space(plant, input_name="throttle", output_name="engine_speed")
     with pytest.raises(InvalidInputError, match=r"throttle is in 1 and the controller's gains are for deg"):
         open_loop_of_system(realised, speed_pid(1.0))
@@ -210,3 +211,41 @@ def test_a_phase_that_only_just_passes_180_degrees_has_both_its_crossovers(zero:
     middle = 0.5 * (pole - zero)
     spread = math.sqrt(middle**2 - zero * pole)
     assert found == pytest.approx([middle - spread, middle + spread], rel=1e-8)
+
+
+def test_of_many_peaks_of_nearly_one_height_the_highest_is_told() -> None:
+    """A resonance in the turns of a long delay: the eight largest points all lay beside lower peaks, and Ms was a fifth too small."""
+    resonance, quality, gain, lift, delay = 22.1953, 0.0217, 0.9202, 1.0813, 15.3288
+    poles = np.poly1d([1.0 / resonance**2, 2.0 * quality / resonance, 1.0]) * np.poly1d([0.0076, 1.0]) ** 4
+    numerator = gain * np.array([1.0, 2.0 * quality * lift / resonance, 1.0 / resonance**2])
+    plant = TransferFunction(numerator=tuple(numerator), denominator=tuple(poles.coefficients[::-1]), delay=delay)
+    loop = open_loop_of_model(plant, pid(1.0))
+    values = loop.transfer(1j * np.linspace(0.6, 1.4, 400_001) * resonance)
+    found = find_margins(loop)
+    assert float(np.max(1.0 / np.abs(1.0 + values))) <= found.sensitivity.value * (1.0 + 1e-9)
+    assert float(np.max(np.abs(values / (1.0 + values)))) <= found.complementary.value * (1.0 + 1e-9)
+
+
+def test_margins_found_together_are_those_found_alone() -> None:
+    """A loop that has none is told in its own place: one that is improper, and one whose search fails between points of its grid."""
+    plain = [TransferFunction(numerator=(12.0,), denominator=(1.0, 0.55, 0.034), delay=delay) for delay in (0.0, 0.021)]
+    torn = OpenLoop(name="torn", transfer=_torn, delay=0.0, unstable_poles=0.0)
+    loops = [open_loop_of_model(plain[0], pid(0.5, 1.0)), open_loop_of_model(plain[1], pid(0.5, 1.0, 0.01))]
+    improper = OpenLoop(name="improper", transfer=lambda s: np.ones(np.shape(s), dtype=complex), delay=0.0, unstable_poles=0.0)
+    found = find_margins_each([loops[0], improper, torn, loops[1]])
+    for mine, loop in ((found[0], loops[0]), (found[3], loops[1])):
+        alone = find_margins(loop)
+        assert isinstance(mine, Margins)
+        assert (mine.gain_crossovers, mine.phase_crossovers) == (alone.gain_crossovers, alone.phase_crossovers)
+        assert (mine.sensitivity, mine.complementary, mine.disk) == (alone.sensitivity, alone.complementary, alone.disk)
+    assert isinstance(found[1], InvalidInputError)
+    assert isinstance(found[2], NotConvergedError)
+    assert "no finite value near" in str(found[2])
+    assert find_margins_each([]) == ()
+
+
+def _torn(s: object) -> np.ndarray:
+    """A loop that has values on a grid, but none where its peak is sought."""
+    points = np.asarray(s, dtype=complex)
+    values = 1.0 / (points * (1.0 + 0.2 * points) * (1.0 + 0.1 * points))
+    return np.full(points.shape, np.nan) if points.size < 60 and np.all(np.abs(points) > 0.01) else values

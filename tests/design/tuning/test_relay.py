@@ -110,6 +110,7 @@ def test_a_large_relay_shows_the_engines_nonlinearity() -> None:
             "ultimate gain = -1 is outside the",
         ),
         (lambda: RelayTask(amplitude=0.0), InvalidInputError, "relay's amplitude = 0 is outside the positive numbers"),
+        (lambda: RelayTask(amplitude=1.0, step=0.0), InvalidInputError, "time step = 0 s is outside the positive numbers"),
         (lambda: RelayTask(amplitude=1.0, hysteresis=-1.0), InvalidInputError, "relay's hysteresis = -1 is outside 0 and above"),
         (
             lambda: run_relay(lee1995(), operating_point(trim()), RelayTask(amplitude=40.0)),

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable
 
-from playwright.sync_api import CDPSession, expect
+from playwright.sync_api import CDPSession, Page, expect
 
 from tests.web.browser.conftest import Window
 
@@ -47,6 +47,60 @@ def test_a_link_shows_what_is_open_too(open_page: Open) -> None:
     assert there.page.url == here.url
     there.page.keyboard.press("Escape")
     assert open_page("#v=1&errors=all").page.inner_text("#banner").startswith("errors = all in the link means nothing here")
+
+
+def reach(page: Page, selector: str) -> None:
+    """Go on by Tab until something has the focus, and see that it is marked."""
+    for _ in range(60):
+        page.keyboard.press("Tab")
+        if page.evaluate("wanted => document.activeElement.matches(wanted)", selector):
+            assert page.evaluate("getComputedStyle(document.activeElement).outlineStyle") == "solid"
+            return
+    message = f"Tab never reaches {selector}"
+    raise AssertionError(message)
+
+
+def test_the_keyboard_alone_does_all(open_page: Open) -> None:
+    window = open_page("#v=1&kp=0.9")
+    page, press = window.page, window.page.keyboard.press
+    reach(page, ".skip")
+    press("Enter")
+    expect(page.locator("#plots")).to_be_focused()
+    assert window.state()["kp"] == 0.9  # nothing but the focus has moved
+    reach(page, "#map .handle")
+    press("ArrowRight")
+    press("Shift+ArrowUp")
+    reach(page, "#plane .handle")
+    for key in ("ArrowRight", "ArrowRight", "Shift+ArrowUp", "ArrowDown"):
+        press(key)
+    expect(page.locator("#plane .handle")).to_have_attribute("aria-valuetext", "kp 0.92, ki 2.9")
+    moved = window.settle().state()
+    assert (moved["throttle_deg"], moved["kp"], moved["ki"]) == (26.1, 0.92, 2.9)
+    page.keyboard.down("ArrowLeft")
+    page.keyboard.down("ArrowLeft")
+    page.keyboard.up("ArrowLeft")
+    assert window.settle().state()["kp"] == 0.9
+    press("Control+z")  # a key that is held is one step
+    assert window.settle().state() == moved
+    page.evaluate("document.activeElement.blur()")
+    reach(page, "#tour")
+    press("Enter")
+    expect(page.locator("#guide h2")).to_be_focused()
+    reach(page, "#guide button:nth-of-type(2)")
+    press("Enter")
+    expect(page.locator("#guide h2")).to_contain_text("2 of 8")
+    press("Escape")
+    expect(page.locator("#tour")).to_be_focused()
+    assert window.settle().state() == moved
+    reach(page, "#throttle_deg-slider")
+    press("ArrowRight")
+    assert window.settle().state()["throttle_deg"] != moved["throttle_deg"]
+    reach(page, "summary")
+    press("Enter")
+    page.route("**/api/v1/view", lambda route: route.fulfill(json={"parts": {}}))  # another engine's kernels would have to be built
+    reach(page, "#engine-choice")
+    press("ArrowDown")
+    expect(page.locator("summary .count")).to_contain_text("generic efficiency")
 
 
 def touch(session: CDPSession, kind: str, *points: tuple[float, float]) -> None:

@@ -25,6 +25,7 @@ _LINEAR_ITERATIONS = (20, 4)
 _POLISH_STEPS = 60
 _FRACTIONS = (1.0, 0.25, 0.0625)
 _DELAY_STARTS = 100
+_NEAR_STARTS, _TOP_POINTS = 5, 3
 _STARTS_KEPT = 8
 _RESONANCE_STARTS = 9
 _TOLERANCE = 1e-15
@@ -222,14 +223,20 @@ def _pole_starts(problem: Problem) -> Iterator[tuple[str, Complexes]]:
 
 
 def _delay_starts(problem: Problem) -> Floats:
-    if not problem.free_delay:
+    if not problem.free_delay or problem.s.size < 2:
         return np.zeros(1)
-    # A lag has no more delay than its phase is worth at any frequency; half a radian apart at the highest, no basin is missed.
-    used = problem.s.imag > 0.0
-    phase = np.unwrap(np.angle(problem.values))
-    most = max(float(np.max((phase[0] - phase[used]) / problem.s.imag[used], initial=0.0)), 0.0)
-    count = min(_DELAY_STARTS, 2 + math.ceil(2.0 * most * float(problem.s.imag[-1])))
-    return np.linspace(0.0, most, count)
+    # No lag has more delay than its phase falls by over some frequencies; half a radian apart at the highest, no basin is missed. What
+    # the phase at rest is, frequencies far from it do not tell: it is how the phase falls between them that counts, over an octave or all.
+    omega, phase = problem.s.imag, np.unwrap(np.angle(problem.values))
+    far = (omega >= 2.0 * omega[0]) & (omega > 0.0) | (np.arange(omega.size) == omega.size - 1)
+    most = max(float(np.max((phase[0] - phase[far]) / (omega[far] - omega[0]), initial=0.0)), 0.0)
+    apart = 0.5 / float(omega[-1])
+    # Where the phase falls by many turns, most of it is the delay's: at the top, where lags have turned, it is little less than the slope.
+    top = omega >= 0.5 * (omega[0] + omega[-1])
+    steepness = -float(np.polyfit(omega[top], phase[top], 1)[0]) if np.count_nonzero(top) >= _TOP_POINTS else 0.0
+    near = steepness - apart * np.arange(_NEAR_STARTS)
+    count = min(_DELAY_STARTS, 2 + math.ceil(most / apart))
+    return np.unique(np.concatenate((np.linspace(0.0, most, count), near[near > 0.0])))
 
 
 def _linear_fit(problem: Problem, values: Complexes, previous: Floats) -> tuple[Floats, Floats]:

@@ -183,6 +183,10 @@ class LoopTask:
         for name, value in (("stop time", self.until), ("time step", self.step)):
             if not (math.isfinite(value) and value > 0.0):
                 raise out_of_range(name, value, "s", "values above 0", "give a time in seconds")
+        if self.until < (MIN_SAMPLES - 1) * self.step:
+            raise out_of_range(
+                "stop time", self.until, "s", f"{MIN_SAMPLES - 1} time steps of {self.step:g} s", "run longer, or take shorter time steps"
+            )
 
 
 class LoopFrame(NamedTuple):
@@ -282,4 +286,4 @@ def describe_outcome(run: LoopRun) -> str:
         return f"hunts between {outcome.low:.6g} and {outcome.high:.6g} {unit}, period {outcome.period:.4g} s"
     if isinstance(outcome, Diverged):
         return f"diverges: beyond {outcome.bound:g} {unit} from its target after {outcome.time:.3g} s"
-    return f"stalls after {outcome.time:.3g} s: {outcome.state} = {outcome.value:.4g}"
+    return str(outcome)

@@ -177,11 +177,12 @@ def describe_stall(failure: SimulationError, loop: DelaySystem) -> Stalled:
     Raises:
         SimulationError: the failure is no stall: a state is no number, or a lag that depends on no state is shorter than any step.
     """
-    time = float(failure.details["time"])
+    time, units = float(failure.details["time"]), {v.name: v.unit for v in loop.states}
     if isinstance(failure, StalledError):
-        return Stalled(time=time, state=str(failure.details["state"]), value=float(failure.details["value"]))
+        state = str(failure.details["state"])
+        return Stalled(time=time, state=state, value=float(failure.details["value"]), unit=units[state])
     sources = frozenset[str]().union(*loop.structure.lags)
     names = [v.name for k, v in enumerate(loop.states) if f"x{k}" in sources]
     if not (isinstance(failure, LagError) and names):
         raise failure
-    return Stalled(time=time, state=names[0], value=float(failure.details[names[0]]))
+    return Stalled(time=time, state=names[0], value=float(failure.details[names[0]]), unit=units[names[0]])

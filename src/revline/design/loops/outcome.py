@@ -81,7 +81,8 @@ class Stalled:
     Attributes:
         time: when it did.
         state: name of the state, for example "engine_speed".
-        value: its value then, in the state's unit.
+        value: its value then.
+        unit: the state's.
     """
 
     name: ClassVar[str] = "stalled"
@@ -89,6 +90,11 @@ class Stalled:
     time: Seconds
     state: str
     value: float
+    unit: str = ""
+
+    def __str__(self) -> str:
+        """Say when and at what."""
+        return f"stalls after {self.time:.3g} s, at {self.state.replace('_', ' ')} {self.value:.4g} {self.unit}".rstrip()
 
 
 Outcome = Settled | LimitCycle | Diverged | Stalled

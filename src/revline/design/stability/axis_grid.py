@@ -34,9 +34,6 @@ MOST_POINTS = 400_000
 ROUNDING = 1e-12
 """A function of size 1 that passes 0 by no more than this between neighbours has not passed it for certain."""
 
-MOST_PEAKS = 8
-"""So many of the largest points of a grid are improved, each between its neighbours."""
-
 
 class Followed(NamedTuple):
     """Frequencies in rad/s, shape (n,), and the values of some functions there, shape (functions, n)."""
@@ -100,11 +97,11 @@ def roots_between(function: Callable[[Floats], Floats], grid: Floats, values: Fl
         grid: frequencies above 0, rising, between whose neighbours the function has at most one peak.
         values: the function there.
     """
-    return find_features(lambda w: w, (function,), (), grid, (values,)).roots[0]
+    return find_features((Sought(lambda w: w, (function,), (), grid, (values,)),))[0].roots[0]
 
 
 def highest(function: Callable[[Floats], Floats], grid: Floats, sizes: Floats) -> tuple[float, float]:
-    """Find the largest value of a real function over a grid, improved between the neighbours of its largest points.
+    """Find the largest value of a real function over a grid, improved between the neighbours of each point at which it peaks.
 
     Args:
         function: frequencies of shape (n,) to values of shape (n,).
@@ -114,7 +111,7 @@ def highest(function: Callable[[Floats], Floats], grid: Floats, sizes: Floats) -
     Returns:
         The value and its frequency.
     """
-    return find_features(lambda w: w, (), (function,), grid, (sizes,)).peaks[0]
+    return find_features((Sought(lambda w: w, (), (function,), grid, (sizes,)),))[0].peaks[0]
 
 
 class Features(NamedTuple):
@@ -136,58 +133,79 @@ class _Extremes(NamedTuple):
     sign: Floats
 
 
-def find_features(
-    evaluate: Callable[[Floats], Values],
-    crossings: Sequence[Function],
-    measures: Sequence[Function],
-    grid: Floats,
-    values: Sequence[Floats],
-) -> Features:
-    """Find roots and peaks of real functions of one that is dear to evaluate, all in the same rounds.
+class Sought(NamedTuple):
+    """Real functions of one that is dear to evaluate, whose roots and peaks are sought.
 
-    Args:
+    Attributes:
         evaluate: frequencies of shape (n,) to what the functions are of, shape (n,).
         crossings: functions whose roots are sought as by `roots_between`.
         measures: functions whose largest values are sought as by `highest`.
         grid: frequencies above 0, rising, between whose neighbours each function has at most one peak.
         values: the crossings there, then the measures.
+    """
+
+    evaluate: Callable[[Floats], Values]
+    crossings: Sequence[Function]
+    measures: Sequence[Function]
+    grid: Floats
+    values: Sequence[Floats]
+
+
+def find_features(sought: Sequence[Sought]) -> tuple[Features, ...]:
+    """Find roots and peaks of real functions, those of all that are sought in the same rounds.
+
+    Args:
+        sought: the functions, in groups of what each is of.
 
     Raises:
         NotConvergedError: a function has no finite value between frequencies at which it has.
     """
-    functions, count = (*crossings, *measures), len(crossings)
-    extremes = [_towards_zero(k, one) if k < count else _largest(k, one) for k, one in enumerate(values)]
-    found = _Extremes(*(np.concatenate(parts) for parts in zip(*extremes, strict=True)))
-    places, lowest = _lowest(lambda k, w: _chosen(functions, k, evaluate(w)), grid, found, np.stack(values))
-    which, sign = found.which, found.sign
-    reached = sign * lowest
-    filled = []
-    for k in range(count):
-        passed = (lowest < -ROUNDING) & (which == k)
-        where = np.searchsorted(grid, places[passed])
-        filled.append((np.insert(grid, where, places[passed]), np.insert(values[k], where, reached[passed])))
-    peaks = []
-    for k, sizes in enumerate(values[count:], start=count):
-        mine = which == k
-        all_sizes = np.append(sizes, reached[mine])
-        top = int(np.argmax(all_sizes))
-        peaks.append((float(all_sizes[top]), float(np.append(grid, places[mine])[top])))
-    return Features(_roots(evaluate, crossings, filled), tuple(peaks))
+    extremes = [_extremes_of(one) for one in sought]
+    filled, peaks = [], []
+    for one, found, (places, lowest) in zip(sought, extremes, _lowest(sought, extremes), strict=True):
+        reached = found.sign * lowest
+        rows = []
+        for k in range(len(one.crossings)):
+            passed = (lowest < -ROUNDING) & (found.which == k)
+            where = np.searchsorted(one.grid, places[passed])
+            rows.append((np.insert(one.grid, where, places[passed]), np.insert(one.values[k], where, reached[passed])))
+        filled.append(rows)
+        peaks.append(tuple(_peak(one, k, places, reached, found.which == k) for k in range(len(one.crossings), len(one.values))))
+    return tuple(Features(*both) for both in zip(_roots(sought, filled), peaks, strict=True))
 
 
-def _lowest(function: Callable[..., Floats], grid: Floats, extremes: _Extremes, values: NDArray[Any]) -> tuple[Floats, Floats]:
-    """Where functions times their signs are lowest about points of a grid, on the logarithm of the frequency, and their values there."""
-    which, at, sign = extremes
+def _peak(one: Sought, k: int, places: Floats, reached: Floats, mine: NDArray[np.bool_]) -> tuple[float, float]:
+    """The largest value of a function and its frequency, on the grid or where one was improved."""
+    sizes = np.append(one.values[k], reached[mine])
+    top = int(np.argmax(sizes))
+    return float(sizes[top]), float(np.append(one.grid, places[mine])[top])
+
+
+def _lowest(sought: Sequence[Sought], extremes: Sequence[_Extremes]) -> list[tuple[Floats, Floats]]:
+    """Where functions times their signs are lowest about points of their grids, on the logarithm of the frequency, and their values."""
+    cuts = np.cumsum([found.at.size for found in extremes])[:-1]
+    which, at, sign = (np.concatenate(parts) for parts in zip(*extremes, strict=True))
     if not at.size:
-        return np.empty(0), np.empty(0)
-    x = np.log(grid)
-    found = find_minimum(lambda places, side, k: side * function(k, np.exp(places)), (x[at - 1], x[at], x[at + 1]), args=(sign, which))
+        return [(np.empty(0), np.empty(0)) for _ in extremes]
+    owner = np.repeat(np.arange(len(extremes)), [found.at.size for found in extremes])
+    ends = [np.concatenate([np.log(one.grid)[found.at + by] for one, found in zip(sought, extremes, strict=True)]) for by in (-1, 0, 1)]
+    values = np.concatenate([np.stack(one.values)[found.which, found.at] for one, found in zip(sought, extremes, strict=True)])
+    middle = np.concatenate([one.grid[found.at] for one, found in zip(sought, extremes, strict=True)])
+    found = find_minimum(lambda x, side, group, k: side * _chosen(sought, group, k, np.exp(x)), tuple(ends), args=(sign, owner, which))
     if np.any(found.status == VALUELESS):
-        place = float(grid[at[found.status == VALUELESS][0]])
+        place = float(middle[found.status == VALUELESS][0])
         message = f"a loop has no finite value near {place:g} rad/s, between frequencies at which it has: its peak there is not known"
         raise NotConvergedError(message, frequency=place)
     flat = found.status == NO_BRACKET  # equal to rounding, so that the point of the grid is as good as any
-    return np.where(flat, grid[at], np.exp(found.x)), np.where(flat, sign * values[which, at], found.f_x)
+    places, lowest = np.where(flat, middle, np.exp(found.x)), np.where(flat, sign * values, found.f_x)
+    return list(zip(np.split(places, cuts), np.split(lowest, cuts), strict=True))
+
+
+def _extremes_of(one: Sought) -> _Extremes:
+    """Where a search for roots and peaks begins: where a crossing comes near 0, and where a measure is large."""
+    count = len(one.crossings)
+    parts = [_towards_zero(k, sizes) if k < count else _largest(k, sizes) for k, sizes in enumerate(one.values)]
+    return _Extremes(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
 def _towards_zero(k: int, sizes: Floats) -> _Extremes:
@@ -200,30 +218,35 @@ def _towards_zero(k: int, sizes: Floats) -> _Extremes:
 
 
 def _largest(k: int, sizes: Floats) -> _Extremes:
-    """Where a function is largest, as far as the grid shows."""
+    """Where a function peaks, as far as the grid shows: of peaks of nearly one height the grid does not tell the highest."""
     at = np.flatnonzero((sizes[1:-1] >= sizes[:-2]) & (sizes[1:-1] >= sizes[2:])) + 1
-    at = at[np.argsort(-sizes[at])][:MOST_PEAKS]
     return _Extremes(np.full(at.size, k), at, np.full(at.size, -1.0))
 
 
-def _roots(
-    evaluate: Callable[[Floats], Values], functions: Sequence[Function], filled: Sequence[tuple[Floats, Floats]]
-) -> tuple[Floats, ...]:
+def _roots(sought: Sequence[Sought], filled: Sequence[Sequence[tuple[Floats, Floats]]]) -> list[tuple[Floats, ...]]:
     """Roots of each function between neighbours of its own grid at which its sign differs."""
-    changes = [np.flatnonzero((sizes[1:] > 0.0) != (sizes[:-1] > 0.0)) for _, sizes in filled]
-    which = np.repeat(np.arange(len(changes)), [at.size for at in changes])
-    if not which.size:
-        return tuple(np.array([]) for _ in functions)
-    low, high = (np.concatenate([places[at + after] for (places, _), at in zip(filled, changes, strict=True)]) for after in (0, 1))
-    found = np.asarray(find_root(lambda w, k: _chosen(functions, k, evaluate(w)), (low, high), args=(which,)).x)
-    return tuple(found[which == k] for k in range(len(functions)))
+    brackets = []
+    for group, rows in enumerate(filled):
+        for k, (places, sizes) in enumerate(rows):
+            at = np.flatnonzero((sizes[1:] > 0.0) != (sizes[:-1] > 0.0))
+            brackets.append((places[at], places[at + 1], np.full(at.size, group), np.full(at.size, k)))
+    if not any(low.size for low, *_ in brackets):
+        return [tuple(np.array([]) for _ in rows) for rows in filled]
+    low, high, owner, which = (np.concatenate(column) for column in zip(*brackets, strict=True))
+    found = np.asarray(find_root(lambda w, group, k: _chosen(sought, group, k, w), (low, high), args=(owner, which)).x)
+    return [tuple(found[(owner == group) & (which == k)] for k in range(len(rows))) for group, rows in enumerate(filled)]
 
 
-def _chosen(functions: Sequence[Function], which: NDArray[np.intp], values: Values) -> Floats:
-    """Of each value the function that is asked for there."""
+def _chosen(sought: Sequence[Sought], owner: NDArray[np.intp], which: NDArray[np.intp], omega: Floats) -> Floats:
+    """At each frequency the function that is asked for there: which one, and of which group."""
     chosen = np.empty(which.shape)
-    for k, function in enumerate(functions):
-        here = np.flatnonzero(which == k)
-        if here.size:
-            chosen[here] = function(values[here])
+    for group, one in enumerate(sought):
+        mine = np.flatnonzero(owner == group)
+        if not mine.size:
+            continue
+        values, asked = one.evaluate(omega[mine]), which[mine]
+        for k, function in enumerate((*one.crossings, *one.measures)):
+            here = np.flatnonzero(asked == k)
+            if here.size:
+                chosen[mine[here]] = function(values[here])
     return chosen

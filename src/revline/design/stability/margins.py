@@ -8,16 +8,16 @@ Systems Magazine 40(5), 78-95.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from revline.design.stability.axis_grid import find_features, follow
+from revline.design.stability.axis_grid import Features, Sought, find_features, follow
 from revline.design.stability.open_loop import OpenLoop
-from revline.errors import InvalidInputError, out_of_range
+from revline.errors import InvalidInputError, RevlineError, out_of_range
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -30,6 +30,9 @@ LARGE = 1e3
 
 LOWEST = 1e-12
 """Lowest frequency to which the search is extended, in rad/s."""
+
+LEAST = 1e-100
+"""Lowest frequency that may be asked for, in rad/s: far below, products of frequencies leave the range of numbers."""
 
 HIGHEST = 1e9
 """A loop that has not fallen below the floor at this frequency, in rad/s, does not fall."""
@@ -150,18 +153,64 @@ def find_margins(loop: OpenLoop, *, low: float = 1e-3) -> Margins:
         low: lowest frequency looked at, in rad/s; lowered where the loop gain is not large there and still rises towards lower ones.
 
     Raises:
-        InvalidInputError: the frequency is not above 0, or the loop is none, or improper: its gain does not fall at high frequency.
+        InvalidInputError: the frequency lies outside 1e-100 to 1e9 rad/s, or the loop is none, or improper: its gain does not fall high up.
         NotConvergedError: the loop turns too fast for the grid, or has a pole on the imaginary axis within it.
     """
-    if not (math.isfinite(low) and low > 0.0):
-        raise out_of_range("lowest frequency", low, "rad/s", "values above 0", "give one well below the loop's bandwidth")
+    followed = _follow(loop, low)
+    return _gather(followed, find_features([followed.sought])[0])
+
+
+def find_margins_each(loops: Sequence[OpenLoop], *, low: float = 1e-3) -> tuple[Margins | RevlineError, ...]:
+    """Find all crossovers and margins of some loops as `find_margins` does, their searches in the same rounds.
+
+    Args:
+        loops: as for `find_margins`.
+        low: as for `find_margins`.
+
+    Returns:
+        Of each loop its margins, or why it has none.
+    """
+    found: list[Margins | RevlineError | _FollowedLoop] = []
+    for loop in loops:
+        try:
+            found.append(_follow(loop, low))
+        except RevlineError as error:
+            found.append(error)
+    followed = [one for one in found if isinstance(one, _FollowedLoop)]
+    try:
+        features = iter(find_features([one.sought for one in followed])) if followed else iter(())
+        return tuple(_gather(one, next(features)) if isinstance(one, _FollowedLoop) else one for one in found)
+    except RevlineError:  # of one of them: the others are not to suffer
+        return tuple(_alone(one) if isinstance(one, _FollowedLoop) else one for one in found)
+
+
+class _FollowedLoop(NamedTuple):
+    """A loop with the grid on which it was followed, and what is sought there."""
+
+    loop: OpenLoop
+    sought: Sought
+
+
+def _alone(followed: _FollowedLoop) -> Margins | RevlineError:
+    try:
+        return _gather(followed, find_features([followed.sought])[0])
+    except RevlineError as error:
+        return error
+
+
+def _follow(loop: OpenLoop, low: float) -> _FollowedLoop:
+    if not LEAST <= low < HIGHEST:
+        raise out_of_range("lowest frequency", low, "rad/s", f"{LEAST:g} to {HIGHEST:g} rad/s", "give one well below the loop's bandwidth")
     low = _bottom(loop, low)
     start = np.geomspace(low, _top(loop, low), 200)
     grid, followed = follow(lambda w: _values(loop, w)[None], start, delay=loop.delay, name=f"the loop {loop.name}")
-    values = followed[0]
     crossings: tuple[Callable[[Complexes], Floats], ...] = (_above_one, phase_sine)
-    sizes = [function(values) for function in (*crossings, *MEASURES)]
-    found = find_features(lambda w: _values(loop, w), crossings, MEASURES, grid, sizes)
+    sizes = [function(followed[0]) for function in (*crossings, *MEASURES)]
+    return _FollowedLoop(loop, Sought(lambda w: _values(loop, w), crossings, MEASURES, grid, sizes))
+
+
+def _gather(followed: _FollowedLoop, found: Features) -> Margins:
+    loop, grid = followed.loop, followed.sought.grid
     (unity, turns), peaks = found.roots, [Peak(value=value, frequency=frequency) for value, frequency in found.peaks]
     return Margins(
         loop=loop.name,
@@ -206,7 +255,7 @@ def _bottom(loop: OpenLoop, low: float) -> float:
 
 def _top(loop: OpenLoop, low: float) -> float:
     """A frequency beyond which the loop gain stays below the floor."""
-    grid = np.geomspace(low, HIGHEST, 60 * round(math.log10(HIGHEST / low)))
+    grid = np.geomspace(low, HIGHEST, 60 * max(1, round(math.log10(HIGHEST / low))))
     sizes = np.abs(_values(loop, grid))
     if not np.any(sizes):
         message = f"the loop {loop.name} is 0 at every frequency, so that there are no margins; give the controller a gain"
@@ -214,8 +263,9 @@ def _top(loop: OpenLoop, low: float) -> float:
     above = np.flatnonzero(~(sizes < FLOOR))
     if above.size and above[-1] == grid.size - 1:
         message = (
-            f"the loop {loop.name} is improper, or nearly so: its gain is still {sizes[-1]:.3g} at {HIGHEST:g} rad/s, so that margins at "
-            "high frequency mean nothing; filter the derivative, kd s/(1 + s kd/(N kp)) with N of 5 to 20, or add the actuator's lag"
+            f"the gain of the loop {loop.name} stays at {sizes[-1]:.3g} however high the frequency: it is improper, or nearly so, as a "
+            "derivative on a single lag is, and its margins there mean nothing; filter the derivative, kd s/(1 + s kd/(N kp)) with N of 5 "
+            "to 20, or add the actuator's lag"
         )
         raise InvalidInputError(message, gain=float(sizes[-1]))
     return float(grid[above[-1] + 1]) if above.size else float(grid[1])

@@ -97,7 +97,8 @@ class RelayTask:
     step: Seconds = 1e-3
 
     def __post_init__(self) -> None:
-        for name, value, unit in (("relay's amplitude", self.amplitude, ""), ("length of the experiment", self.until, "s")):
+        positive = (("relay's amplitude", self.amplitude, ""), ("length of the experiment", self.until, "s"), ("time step", self.step, "s"))
+        for name, value, unit in positive:
             if not (math.isfinite(value) and value > 0.0):
                 raise out_of_range(name, value, unit, "the positive numbers", "give one")
         if not (math.isfinite(self.hysteresis) and self.hysteresis >= 0.0):

@@ -102,7 +102,7 @@ def compare_ultimate_points(
     Args:
         plant: nonlinear, with its delays.
         trim: its point of rest.
-        task: of the relay experiment.
+        task: of the relay experiment; the bisection is simulated by its time step too.
         command: step of the command in the bisection, small so that the plant is nearly linear.
         sampling_period: of the bisected loop, in s.
         wires: which signals close the loop.
@@ -134,7 +134,7 @@ def compare_ultimate_points(
         message = f"the loop of {plant.name} sampled every {sampling_period:g} s has no ultimate gain above {begin:g}; sample faster"
         raise AnalysisError(message)
     sampled = UltimatePoint(gain=begin * rise.gain_margin, period=2.0 * math.pi / rise.frequency, source=UltimateSource.EXACT)
-    search = ReserveSearch(command=command, near=rise.gain_margin)
+    search = ReserveSearch(command=command, step=task.step, near=rise.gain_margin)
     bisected = find_gain_reserve(plant, point, controller, search, place=dict(point.inputs), wires=wires)
     if bisected.ending is not Ending.HUNTS or bisected.factor == 0.0:
         gain = begin * min(bisected.hunts, LARGEST)

@@ -33,12 +33,20 @@ LOAD: Final = "load_torque_n_m"
 SPEEDS: Final = ("engine_speed_rad_s", "speed_rad_s", "engine_speed_rpm", "speed_rpm")
 """Names that the column of the speed may have."""
 
+COMMANDS: Final = ("speed_command_rad_s", "speed_command_rpm")
+"""Names that the column of a controller's speed command may have."""
+
 BETWEEN: Final = "between_samples"
 """Key of the comment line that says what the throttle does between samples: held, straight or smooth."""
 
 UNKNOWN: Final = (
     "the throttle is taken to go straight from sample to sample; where it was held, its delay is half a sample shorter: write "
     f"`# {BETWEEN}: held` (or straight, or smooth) above the header"
+)
+
+FEEDBACK: Final = (
+    "where a controller moved the throttle, it answered what disturbs the speed, and the response is partly the controller's: log its "
+    f"command too, as {COMMANDS[0]}"
 )
 
 FASTEST: Final = 1e4
@@ -68,13 +76,17 @@ OFF: Final = 0.02
 
 
 class Log(NamedTuple):
-    """What a log holds: times from 0 on in s, throttle in deg, speed in rad/s, load in N m, and what the throttle does between samples."""
+    """What a log holds: times from 0 on in s, throttle in deg, speed in rad/s, load in N m, and what is known of the throttle.
+
+    That is what it does between samples, and the command in rad/s of a controller that moved it, if there was one.
+    """
 
     times: Floats
     throttle: Floats
     speed: Floats
     load: Floats
     between: Between | None
+    command: Floats | None
 
     def moves(self) -> Floats:
         """Times between which the throttle goes straight: those of a held input lie half a sample later, where its steps' middles are."""
@@ -89,7 +101,7 @@ def read_log_file(text: str, name: str, state: State) -> Mapping[str, Any]:
     has the column load_torque_n_m, else the state's.
 
     Args:
-        text: of a CSV file with the columns time_s, throttle_deg and a speed.
+        text: of a CSV file with the columns time_s, throttle_deg and a speed, and where a controller moved the throttle its command.
         name: what messages call it.
         state: the engine, its load, and the amplitude at which models are fitted.
 
@@ -123,29 +135,40 @@ def read_log_file(text: str, name: str, state: State) -> Mapping[str, Any]:
 
 
 def _read(table: CsvTable, load: float) -> Log:
-    found = [name for name in SPEEDS if name in table.header]
-    if len(found) != 1:
-        message = (
-            f"{table.path}, line {table.header_line}: {' and '.join(found) or 'no column'} for the engine's speed among "
-            f"{', '.join(table.header)}; name one {', '.join(SPEEDS)}"
-        )
-        raise InvalidInputError(message, role="speed")
+    speed, command = _speeds(table, SPEEDS, "engine's speed"), _speeds(table, COMMANDS, "command")
+    if speed is None:
+        message = f"{table.path}, line {table.header_line}: no column for the engine's speed among {', '.join(table.header)}; name one"
+        raise InvalidInputError(f"{message} {', '.join(SPEEDS)}", role="speed")
     if len(table.rows) > MOST_ROWS:
         message = f"{table.path} has {len(table.rows)} rows; give {MOST_ROWS} at most, thinned evenly"
         raise InvalidInputError(message, rows=float(len(table.rows)))
-    times, throttle, speed = (table.numbers(name) for name in (TIME, THROTTLE, found[0]))
-    loads = table.numbers(LOAD) if LOAD in table.header else np.full(times.size, load)
-    to_speed = rpm_to_speed(1.0) if found[0].endswith("rpm") else 1.0
-    limits = [(TIME, times, -LATEST, LATEST), (THROTTLE, throttle, 0.0, 90.0), (found[0], speed, 0.0, FASTEST / to_speed)]
-    for column, values, low, high in (*limits, (LOAD, loads, -LARGEST_LOAD, LARGEST_LOAD)):
-        wrong = np.flatnonzero((values < low) | (values > high))
-        if wrong.size and column in table.header:
-            row = int(wrong[0])
-            raise table.error(row, column, f"{values[row]:g} is outside {low:g} to {high:.6g}; mend or leave out that row")
+    times, throttle = _column(table, TIME, -LATEST, LATEST), _column(table, THROTTLE, 0.0, 90.0)
+    loads = _column(table, LOAD, -LARGEST_LOAD, LARGEST_LOAD) if LOAD in table.header else np.full(times.size, load)
     check_times(table, times)
     if times.size < 2 or times[-1] - times[0] > LONGEST:
         raise out_of_range(f"duration of {table.path}", float(times[-1] - times[0]), "s", f"0 to {LONGEST:g} s", "give a part of the log")
-    return Log(times - times[0], throttle, to_speed * speed, loads, _between(table))
+    return Log(times - times[0], throttle, speed, loads, _between(table), command)
+
+
+def _speeds(table: CsvTable, names: tuple[str, ...], role: str) -> Floats | None:
+    """A column of speeds in rad/s, or none where the table has none of these names."""
+    found = [name for name in names if name in table.header]
+    if len(found) > 1:
+        message = f"{table.path}, line {table.header_line}: {' and '.join(found)} for the {role}; name one {', '.join(names)}"
+        raise InvalidInputError(message, role=role)
+    if not found:
+        return None
+    factor = rpm_to_speed(1.0) if found[0].endswith("rpm") else 1.0
+    return factor * _column(table, found[0], 0.0, FASTEST / factor)
+
+
+def _column(table: CsvTable, name: str, low: float, high: float) -> Floats:
+    values = table.numbers(name)
+    wrong = np.flatnonzero((values < low) | (values > high))
+    if wrong.size:
+        row = int(wrong[0])
+        raise table.error(row, name, f"{values[row]:g} is outside {low:g} to {high:.6g}; mend or leave out that row")
+    return values
 
 
 def _between(table: CsvTable) -> Between | None:
@@ -221,8 +244,15 @@ def _judged(log: Log, clock: Floats, speed: Floats) -> Mapping[str, Any]:
 def _estimated(log: Log, state: State) -> Mapping[str, Any]:
     """The frequency response that the log itself tells, with models fitted to it, held against the engine."""
     found = estimate_response(
-        log.times, log.throttle, log.speed, names=("throttle", "engine_speed"), units=("deg", "rad/s"), between=log.between
+        log.times,
+        log.throttle,
+        log.speed,
+        names=("throttle", "engine_speed"),
+        units=("deg", "rad/s"),
+        between=log.between,
+        command=log.command,
     )
+    remarks = [text for text, due in ((UNKNOWN, not found.known), (FEEDBACK, log.command is None)) if due]
     models = {
         name: {"problem": problem_of(fit)} if isinstance(fit, RevlineError) else fit_record_of(name, fit)
         for name, fit in fitted_models(found.response).items()
@@ -233,7 +263,8 @@ def _estimated(log: Log, state: State) -> Mapping[str, Any]:
         "relative_deviation": drawn(found.deviation),
         "relative_bias": drawn(found.bias),
         "between_samples": found.between.value,
-        **({} if found.known else {"remark": UNKNOWN}),
+        "between_samples_known": found.known,
+        **({"remark": "; ".join(remarks)} if remarks else {}),
         "left_out": found.left_out,
         "models": models,
         "engine": compare_with_engine(found.response, state),

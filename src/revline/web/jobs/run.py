@@ -105,12 +105,21 @@ def run_job(folder: Path, tell: Tell) -> None:
         if not stopped:
             write_json(folder / END, {"status": Status.FAILED.value, "error": problem_of(error)}, "end of the job")
         return
-    except Exception:  # noqa: BLE001 - the last resort says where to look
+    except Exception as error:  # noqa: BLE001 - the last resort says where to look
+        if _interrupted(error):
+            return
         traceback.print_exc()
         fault = make_problem("fault", "a fault in revline", f"this is a fault in revline; {folder / LOG} says more", status=500)
         write_json(folder / END, {"status": Status.FAILED.value, "error": fault}, "end of the job")
         return
     write_json(folder / END, {"status": Status.DONE.value}, "end of the job")
+
+
+def _interrupted(error: BaseException | None) -> bool:
+    """Whether an interruption is behind an error: Python makes another of it where it falls into the making of a class."""
+    while error is not None and not isinstance(error, KeyboardInterrupt):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def main(arguments: list[str]) -> int:

@@ -7,10 +7,12 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from revline.errors import InvalidInputError, RevlineError, suggestion
+from revline.io.json_files import JsonRecord
+from revline.io.model_files import parse_model
 from revline.web.plants import control_of
 from revline.web.problems import make_problem, problem_of
 from revline.web.state import State
-from revline.web.view.gains import view_contours, view_gains, view_loop_roots, view_margins, view_promises, view_roots
+from revline.web.view.gains import promises_of, view_contours, view_gains, view_loop_roots, view_margins, view_promises, view_roots
 from revline.web.view.loops import view_answers, view_cycle, view_loop
 from revline.web.view.responses import view_models, view_peaks, view_response
 from revline.web.view.rest import view_map, view_point, view_validity
@@ -81,8 +83,23 @@ def check_parts(parts: Sequence[str]) -> None:
 
 def find_part(name: str, state: State) -> Mapping[str, Any]:
     """Find one part, or the problem in its place."""
+    return _find(name, state, lambda: PARTS[name](state))
+
+
+def find_promises(state: State, models: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Find the part `promises`, or the problem in its place, from the part `models`, whose fits are then not made again.
+
+    Args:
+        state: whose models they are.
+        models: the part, as it was found for this state.
+    """
+    files = {name: parse_model(JsonRecord(where=f"model {name}", entries=record), name=name) for name, record in models.items()}
+    return _find("promises", state, lambda: promises_of(state, {name: file.model for name, file in files.items()}))
+
+
+def _find(name: str, state: State, found: Callable[[], Mapping[str, Any]]) -> Mapping[str, Any]:
     try:
-        return PARTS[name](state)
+        return found()
     except RevlineError as error:
         return {"problem": problem_of(error, control=control_of(error, state))}
     except MemoryError:

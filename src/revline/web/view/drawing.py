@@ -49,4 +49,5 @@ def drawn(values: ArrayLike) -> list[float]:
     with np.errstate(divide="ignore"):
         size = np.where(array == 0.0, 0.0, np.floor(np.log10(np.abs(array))))
     scale = 10.0 ** (DIGITS - 1 - size)
-    return [float(value) for value in np.where(np.isfinite(scale), np.round(array * scale) / scale, array)]
+    rounded: list[float] = np.where(np.isfinite(scale), np.round(array * scale) / scale, array).tolist()
+    return rounded

@@ -1,7 +1,7 @@
 """Gains that stabilise, margins and characteristic roots, for a view."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any, Final
@@ -15,8 +15,8 @@ from revline.design.regions.gain_region import GainRegion, find_gain_region
 from revline.design.regions.loop_family import family_of_system
 from revline.design.regions.sensitivity_contour import find_sensitivity_contour
 from revline.design.stability.linear_loop import closed_loop_transfer
-from revline.design.stability.margins import Margins, find_margins
-from revline.design.stability.open_loop import OpenLoop, open_loop_of_system
+from revline.design.stability.margins import Margins, find_margins, find_margins_each
+from revline.design.stability.open_loop import OpenLoop, open_loop_of_model, open_loop_of_system
 from revline.errors import RevlineError
 from revline.io.margin_records import margin_record
 from revline.lti.interconnection import feed_back, to_state_space
@@ -60,7 +60,7 @@ def view_gains(state: State) -> Mapping[str, Any]:
         "window": {"kp_low": window.kp_low, "kp_high": window.kp_high, "ki_high": window.ki_high},
         "bounded": region.bounded,
         "boundary": _pieces(region),
-        "shade": ["".join("1" if cell else "0" for cell in row) for row in stable],
+        "shade": [row.tobytes().decode("ascii") for row in np.where(stable, b"1", b"0")],
         "kp_intervals_without_integral": [list(ends) for ends in region.kp_ends()],
         "area": {"value": area.value, "error": area.error},
     }
@@ -133,13 +133,29 @@ def view_loop_roots(state: State) -> Mapping[str, Any]:
 def view_promises(state: State) -> Mapping[str, Any]:
     """Give the margins that each fitted model promises; none without any gain."""
     check_amplitude(state, find_point(place_of(state)))
-    models: dict[str, Any] = {}
+    return _promises(state, lambda name: loop_with_model(state, name))
+
+
+def promises_of(state: State, models: Mapping[str, TransferFunction]) -> Mapping[str, Any]:
+    """Give the margins that models promise which were fitted already, as `view_promises` does.
+
+    Args:
+        state: whose models they are.
+        models: the transfer function of each.
+    """
+    gains = gains_of(state)
+    return _promises(state, lambda name: open_loop_of_model(models[name], gains))
+
+
+def _promises(state: State, loop_of: Callable[[str], OpenLoop]) -> Mapping[str, Any]:
+    loops: dict[str, OpenLoop | RevlineError] = {}
     for name in MODELS if has_control(state) else ():
         try:
-            models[name] = _promise(find_margins(replace(loop_with_model(state, name), name=f"of {name} under these gains")))
+            loops[name] = replace(loop_of(name), name=f"of {name} under these gains")
         except RevlineError as error:
-            models[name] = {"problem": str(error)}
-    return models
+            loops[name] = error
+    found = iter(find_margins_each([loop for loop in loops.values() if isinstance(loop, OpenLoop)]))
+    return {name: _promise(next(found) if isinstance(loop, OpenLoop) else loop) for name, loop in loops.items()}
 
 
 def view_roots(state: State) -> Mapping[str, Any]:
@@ -200,7 +216,9 @@ def _exact_margins(place: Place, kp: float, ki: float, kd: float) -> Margins:
     return find_margins(_exact_loop(place, kp, ki, kd))
 
 
-def _promise(found: Margins) -> dict[str, Any]:
+def _promise(found: Margins | RevlineError) -> dict[str, Any]:
+    if isinstance(found, RevlineError):
+        return {"problem": str(found)}
     record: dict[str, Any] = {"stable": found.stable, "ms": found.sensitivity.value}
     if found.gain_rise is not None:
         record["gain_margin"] = found.gain_rise.gain_margin

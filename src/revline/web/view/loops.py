@@ -14,7 +14,7 @@ from revline.design.loops.classify import classify_outcome
 from revline.design.loops.closed_loop import Limits, LoopTask, record_loop, trace_linear_loop
 from revline.design.loops.hunting import UnrefinedCycle, refine_cycle, run_to_its_end
 from revline.design.loops.loop_run import LoopRun
-from revline.design.loops.loop_simulation import LoopRecord, LoopTrace
+from revline.design.loops.loop_simulation import LoopRecord, LoopTrace, describe_stall
 from revline.design.loops.outcome import LimitCycle
 from revline.design.loops.step_measures import measure_overshoot
 from revline.design.plants.loop_signals import operating_point
@@ -22,6 +22,7 @@ from revline.errors import InvalidInputError, NotSettledError, RevlineError, Sim
 from revline.io.cycle_records import orbit_record, run_record, unrefined_record
 from revline.io.loop_records import loop_record
 from revline.studies.steps import LAG_SHARE, in_short_steps, throttle_run
+from revline.system import DelaySystem
 from revline.web.plants import MODELS, Place, Point, check_amplitude, find_point, fit_model, gains_of, limits_of, loop_with_model, place_of
 from revline.web.state import State
 from revline.web.view.drawing import drawn, thin
@@ -154,11 +155,11 @@ def _load_answer(state: State) -> Mapping[str, Any]:
     limits = limits_of(state, point)
     loads = (("load_torque", signals.step(state.load_step_n_m)),)
 
-    def run(pieces: int) -> LoopRecord:
+    def run(pieces: int) -> tuple[DelaySystem, LoopRecord]:
         task = LoopTask(command=TINY, until=state.until_s, step=STEP / pieces, loads=loads)
-        return record_loop(point.engine, operating_point(point.trim), gains, task, limits=limits)[1]
+        return record_loop(point.engine, operating_point(point.trim), gains, task, limits=limits)
 
-    trace, failure = in_short_steps(run, STEP, point.trim.lags)
+    loop, (trace, failure) = in_short_steps(run, STEP, point.trim.lags)
     start = point.trim.output("engine_speed")
     error = trace.output - start
     worst = int(np.argmax(np.abs(error)))
@@ -169,9 +170,17 @@ def _load_answer(state: State) -> Mapping[str, Any]:
         "end_error_rad_s": float(error[-1]),
         "saturated_share": float(np.mean((trace.control <= limits.low) | (trace.control >= limits.high))),
         "limits_deg": list(limits),
-        **({"ended": str(failure)} if failure is not None else _load_outcome(trace, start, worst)),
+        **(_ended(failure, loop) if failure is not None else _load_outcome(trace, start, worst)),
     }
     return {**found, **_trace(trace.times, trace.output, trace.control)}
+
+
+def _ended(failure: SimulationError, system: DelaySystem) -> dict[str, str]:
+    """How a run ended before its time, in short and in full."""
+    try:
+        return {"ended": str(describe_stall(failure, system)), "reason": str(failure)}
+    except SimulationError:
+        return {"ended": f"ends after {float(failure.details['time']):.3g} s", "reason": str(failure)}
 
 
 def _load_outcome(trace: LoopTrace, start: float, worst: int) -> dict[str, Any]:
@@ -217,7 +226,7 @@ def _throttle_answer(state: State) -> Mapping[str, Any]:
         if lasted < LEAST_SHOWN:
             raise
         run = throttle_run(point.engine, point.trim, signal, lasted)
-        record["ended"] = str(error)
+        record |= _ended(error, point.engine)
     return {**record, **_trace(run.times, run.output("engine_speed"), run.input("throttle"))}
 
 

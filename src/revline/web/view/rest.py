@@ -10,8 +10,7 @@ from revline.analysis.operating_range import find_operating_range
 from revline.analysis.steady_map import SteadyMap, find_steady_map
 from revline.errors import AnalysisError
 from revline.io.point_records import line_record, trim_record, trim_warnings
-from revline.web.parameters import changed_engine
-from revline.web.plants import find_point, place_of
+from revline.web.plants import find_engine, find_point, place_of
 from revline.web.state import State
 from revline.web.view.drawing import drawn
 
@@ -55,7 +54,7 @@ def view_map(state: State) -> Mapping[str, Any]:
 @lru_cache(maxsize=16)
 def _map(engine: str, changed: tuple[tuple[str, float], ...], load: float) -> SteadyMap:
     return find_steady_map(
-        changed_engine(engine, changed),
+        find_engine(engine, changed),
         sweep_input="throttle",
         values=np.linspace(0.0, 90.0, ANGLES),
         output="engine_speed",

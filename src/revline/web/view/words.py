@@ -89,14 +89,14 @@ def _seen(loop: Record, *, stable: bool) -> str:
         cycle = loop["limit_cycle"]
         return f"the engine hunts between {cycle['low_rad_s']:.1f} and {cycle['high_rad_s']:.1f} rad/s, every {cycle['period_s']:.3f} s"
     if outcome in {"stalled", "diverged"}:
-        return f"on the engine: {loop.get('summary', outcome)}"
+        return f"the engine {loop.get('summary', outcome)}"
     return _rest(loop, stable=stable) if outcome == "settled" and "steady_error_rad_s" in loop else ""
 
 
 def _unfinished(loop: Record) -> str:
     """What is to be said of a run that ended before its time, or does not tell how it ends."""
     if "ended" in loop:
-        return f"on the engine: {loop['ended']}"
+        return f"the engine {loop['ended']}"
     if "still_moving" in loop:
         return "after the load's step the engine still moves away at the end of the time shown"
     return "on the engine the time shown does not tell yet how it ends: show more" if "undecided" in loop else ""
@@ -107,7 +107,10 @@ def _rest(engine: Record, *, stable: bool) -> str:
     if not stable:
         return "the engine comes to rest all the same, at another speed or at a limit of the throttle"
     off = abs(engine["steady_error_rad_s"])
-    return f"the engine rests {off:.3g} rad/s off its target" if off > 0.02 * abs(engine["command_rad_s"]) else ""
+    if off > 0.02 * abs(engine["command_rad_s"]):
+        return f"the engine rests {off:.3g} rad/s off its target"
+    settled = engine.get("settling_time_s", 0.0)
+    return f"the engine comes to rest after {settled:.3g} s, later than is shown" if settled > engine["time_s"][-1] else ""
 
 
 def _fooled(margins: Record, promises: Record) -> str:
@@ -157,6 +160,8 @@ def _engine_lines(margins: Record, loop: Record) -> Iterator[str]:
         yield f"Left alone it comes to rest with a time constant of {-1.0 / margins['slowest_root_rad_s'][0]:.2g} s."
     if "summary" in engine:
         yield f"The engine {engine['summary']}."
+    if "reason" in engine:
+        yield f"The run ended early. {engine['reason'][:1].upper()}{engine['reason'][1:]}."
     if engine.get("saturated_share", 0.0) > 0.0:
         yield f"The throttle is at a limit {100.0 * engine['saturated_share']:.0f} % of the time."
     if "droop_rad_s" in engine:
