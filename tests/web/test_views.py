@@ -295,3 +295,12 @@ def test_questions_that_are_none_are_refused() -> None:
 def test_a_view_names_every_part() -> None:
     assert set(LIVE) - {"words"} <= set(PARTS)
     assert make_view(parse_state({}), [])["parts"] == {}
+
+
+def test_a_load_s_step_that_is_nearly_over_is_judged_by_what_comes_after_the_time_shown() -> None:
+    """After 4 s the speed still creeps by a thousandth of its droop: a longer run says that it settles, as one of 8 s shown does."""
+    short, long = (view({"step": "load", "load_step_n_m": 10.0, "until_s": until}, "loop")["loop"] for until in (4.0, 8.0))
+    assert (short["outcome"], long["outcome"]) == ("settled", "settled")
+    assert short["time_s"][-1] == pytest.approx(4.0)
+    assert short["droop_rad_s"] == long["droop_rad_s"]
+    assert short["iae_rad"] == pytest.approx(long["iae_rad"], rel=1e-3)
