@@ -177,8 +177,46 @@ def test_one_client_leaves_room_for_others() -> None:
     refused(answers[2], 503, "too-busy", "2 requests of this client are being answered already")
 
 
+def test_invented_names_leave_room_for_other_machines() -> None:
+    """One machine asks under a new name each time; another one is let in all the same."""
+    released = asyncio.Event()
+
+    async def held(scope: Scope, receive: Receive, send: Send) -> None:
+        await released.wait()
+        await inside(scope, receive, send)
+
+    async def run() -> tuple[list[httpx.Response], httpx.Response]:
+        guard = Guard(held, RULES._replace(in_flight=6, of_machine=4))
+
+        async def ask(machine: str, name: str) -> httpx.Response:
+            transport = httpx.ASGITransport(app=guard, client=(machine, 1))
+            async with httpx.AsyncClient(transport=transport, base_url=f"http://{HOST}") as client:
+                return await client.post("/x", content=b"{}", headers={**JSON, "x-client": name})
+
+        flood = [asyncio.create_task(ask("203.0.113.9", f"name {k}")) for k in range(20)]
+        async with asyncio.timeout(5.0):
+            while sum(task.done() for task in flood) < 16:
+                await asyncio.sleep(0.001)
+        other = asyncio.create_task(ask("203.0.113.10", "page"))
+        await asyncio.sleep(0.01)
+        released.set()
+        return await asyncio.gather(*flood), await other
+
+    flood, other = asyncio.run(run())
+    assert other.status_code == 200
+    assert [answer.status_code for answer in flood].count(200) == 4
+    busy = next(answer for answer in flood if answer.status_code != 200)
+    refused(busy, 503, "too-busy", "4 requests from this address are being answered already")
+
+
 class Quick(PatientProtocol):
     patience = 0.5
+    pace = 1e9
+
+
+MEBIBYTE = 2**20
+LARGE = 12
+"""Mebibytes of a large answer: more than the system holds for a connection."""
 
 
 @pytest.fixture
@@ -194,6 +232,12 @@ def served() -> Iterator[tuple[int, list[str]]]:
         except asyncio.CancelledError:
             happened.append("given up")
             raise
+        if scope["path"] == "/large":
+            await send({"type": "http.response.start", "status": 200, "headers": []})
+            for k in range(LARGE):
+                await send({"type": "http.response.body", "body": MEBIBYTE * b"x", "more_body": k < LARGE - 1})
+            happened.append("done")
+            return
         await inside(scope, receive, send)
 
     with socket.create_server(("127.0.0.1", 0)) as listener:
@@ -278,3 +322,40 @@ def test_a_client_that_goes_frees_its_place(served: tuple[int, list[str]]) -> No
     with begin(port, "/x", 2) as line:
         line.sendall(b"{}")
         assert rest(line).startswith(b"HTTP/1.1 200 ")
+
+
+def test_who_does_not_read_its_answer_holds_no_place_and_loses_its_connection(served: tuple[int, list[str]]) -> None:
+    port, happened = served
+    lines = []
+    for _ in range(3):  # one more than there are places
+        lines.append(begin(port, "/large", 2))
+        lines[-1].sendall(b"{}")
+        assert lines[-1].recv(15) == b"HTTP/1.1 200 OK"
+    began = time.monotonic()
+    with begin(port, "/x", 2) as other:
+        other.sendall(b"{}")
+        assert rest(other).startswith(b"HTTP/1.1 200 ")
+        assert time.monotonic() - began < 0.4
+    ends = time.monotonic() + 5.0
+    while happened != 3 * ["done"]:  # nothing more is done for a connection that is lost
+        assert time.monotonic() < ends
+        time.sleep(0.01)
+    for line in lines:
+        with line:
+            size = 0
+            with contextlib.suppress(ConnectionError):
+                while part := line.recv(MEBIBYTE):
+                    size += len(part)
+            assert size < LARGE * MEBIBYTE
+
+
+def test_who_reads_steadily_has_all_of_its_answer(served: tuple[int, list[str]]) -> None:
+    port, happened = served
+    with begin(port, "/large", 2) as line:
+        line.sendall(b"{}")
+        answer = b""
+        while not answer.endswith(b"0\r\n\r\n"):
+            answer += line.recv(MEBIBYTE // 2)
+            time.sleep(0.02)  # longer in all than the patience for one piece
+        assert len(answer) > LARGE * MEBIBYTE
+    assert happened == ["done"]

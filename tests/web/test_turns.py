@@ -31,7 +31,7 @@ class Hand:
         self.holds[name] = asyncio.Event()
 
         async def work() -> int:
-            async with self.turns.turn(client, **options) as turn:
+            async with self.turns.turn(client if " " in client else f"here {client}", **options) as turn:
                 self.order.append((name, turn.places[0]))
                 await self.holds[name].wait()
                 return turn.others
@@ -85,6 +85,31 @@ def test_one_that_asks_for_much_does_not_keep_others_waiting() -> None:
             await hand.go(f"p{k}")
         await asyncio.gather(*flood, *pages)
         assert [name for name in hand.names if name[0] == "p"] == [f"p{k}" for k in range(20)]
+
+    run(test)
+
+
+def test_a_machine_that_asks_under_many_names_has_no_more_turns_than_another() -> None:
+    async def test() -> None:
+        hand = Hand()
+        flood = [hand.take(f"there {k}", f"t{k}") for k in range(12)]
+        await pause()
+        pages = [hand.take("here page", "p0"), hand.take("here tab", "p1"), hand.take("elsewhere page", "e")]
+        await pause()
+        for name in ("t0", "p0", "e", "t1", "p1"):
+            assert hand.names[-1] == name
+            await hand.go(name)
+        assert hand.names == ["t0", "p0", "e", "t1", "p1", "t2"]
+        late = hand.take("here page", "p2")
+        await hand.go("t2")
+        assert hand.names[-1] == "p2"
+        await hand.go("p2")
+        for k in range(3, 12):
+            await hand.go(f"t{k}")
+        found = await asyncio.gather(*flood, *pages, late)
+        # What is told of others is how many turns come before one's own next: of 13 clients from 2 machines, not 13.
+        assert found[0] == 0
+        assert found[-1] == 1
 
     run(test)
 

@@ -6,6 +6,7 @@ send one.
 """
 
 import asyncio
+import contextlib
 import secrets
 from collections import Counter
 from collections.abc import Awaitable, Callable, Iterable, Mapping, MutableMapping
@@ -15,6 +16,7 @@ from typing import Any, Final, NamedTuple
 
 from revline.io.json_files import format_compact_json
 from revline.web.problems import CONTENT_TYPE, make_problem
+from revline.web.turns import machine_of
 
 Scope = MutableMapping[str, Any]
 Message = MutableMapping[str, Any]
@@ -67,7 +69,8 @@ class Rules(NamedTuple):
         hosts: values of the Host header that are this server's; none to let any pass, where the token is what counts.
         token: that each request must bring; empty where none is needed.
         largest: bytes of a request's body at most.
-        in_flight: requests at once at most.
+        in_flight: requests at once at most; one is counted until its answer is there, however slowly that is read.
+        of_machine: requests from one address at once at most, under whatever names.
         of_one: requests of one client at once at most.
         largest_file: bytes of an uploaded file at most.
         patience: seconds in which a request's body must have come.
@@ -76,7 +79,8 @@ class Rules(NamedTuple):
     hosts: frozenset[str]
     token: str = ""
     largest: int = 256 * 1024
-    in_flight: int = 200
+    in_flight: int = 300
+    of_machine: int = 200
     of_one: int = 100
     largest_file: int = 5 * 1024 * 1024
     patience: float = 20.0
@@ -112,22 +116,35 @@ class Guard:
         if refused is not None:
             await self._refuse(send, refused)
             return
-        self._running[client] += 1
-        try:
-            await self._pass(scope, receive, send)
-        finally:
-            self._running[client] -= 1
-            if not self._running[client]:
-                del self._running[client]
+        with contextlib.ExitStack() as place:
+            self._running[client] += 1
+            place.callback(self._leave, client)
+
+            async def answered(message: Message) -> None:
+                if message["type"] == "http.response.start":
+                    place.close()
+                await send(message)
+
+            await self._pass(scope, receive, answered)
+
+    def _leave(self, client: str) -> None:
+        self._running[client] -= 1
+        if not self._running[client]:
+            del self._running[client]
 
     def _crowd(self, client: str) -> dict[str, Any] | None:
         """Refuse more at once than can be answered, and what would leave no room for others."""
-        of_all, of_one = self._running.total(), self._running.get(client, 0)
-        if of_all < self._rules.in_flight and of_one < self._rules.of_one:
-            return None
-        whose = "requests" if of_all >= self._rules.in_flight else "requests of this client"
-        detail = f"{of_all if whose == 'requests' else of_one} {whose} are being answered already; try again in a moment"
-        return make_problem("too-busy", "too many requests at once", detail, status=HTTPStatus.SERVICE_UNAVAILABLE)
+        machine = machine_of(client)
+        of_machine = sum(count for name, count in self._running.items() if machine_of(name) == machine)
+        for whose, running, most in (
+            ("requests", self._running.total(), self._rules.in_flight),
+            ("requests from this address", of_machine, self._rules.of_machine),
+            ("requests of this client", self._running.get(client, 0), self._rules.of_one),
+        ):
+            if running >= most:
+                detail = f"{running} {whose} are being answered already; try again in a moment"
+                return make_problem("too-busy", "too many requests at once", detail, status=HTTPStatus.SERVICE_UNAVAILABLE)
+        return None
 
     def _refusal(self, scope: Scope, headers: MutableMapping[str, str]) -> dict[str, Any] | None:
         rules, host = self._rules, headers.get("host", "")

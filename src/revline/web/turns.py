@@ -1,8 +1,9 @@
 """Turns at the processes: clients take turns, whoever asks most, and of a client's views that wait only the newest is answered."""
 
 import asyncio
+import itertools
 from collections import Counter, OrderedDict, deque
-from collections.abc import AsyncIterator, Awaitable
+from collections.abc import AsyncIterator, Awaitable, Mapping
 from contextlib import asynccontextmanager
 from typing import Any, Final, TypeVar
 
@@ -15,7 +16,7 @@ PASSED: Final = 2
 """So many others may be taken before the first."""
 
 HOMES: Final = 1024
-"""Clients of whom it is remembered which place worked for them, at most."""
+"""Clients of whom it is remembered which place worked for them, at most; and machines of which it is when they had a turn."""
 
 PATIENCE: Final = 5.0
 """Seconds that work goes on for a client that is gone: mostly it ends by then, and a process that is ended must warm up anew."""
@@ -23,6 +24,11 @@ PATIENCE: Final = 5.0
 
 class SupersededError(Exception):
     """A newer request of the same client came while this one waited."""
+
+
+def machine_of(client: str) -> str:
+    """Tell where a client asks from: the first word of its name is its address; the rest it may choose."""
+    return client.partition(" ")[0]
 
 
 class Turn:
@@ -65,6 +71,8 @@ class _Wish:
 class Turns:
     """Shares some places among clients: each has one turn at a time, and the client that waits longest comes next.
 
+    Machines take turns too, so that one that asks under many names has no more of them than others.
+
     Args:
         places: how many.
     """
@@ -74,6 +82,7 @@ class Turns:
         self._waiting: OrderedDict[str, deque[_Wish]] = OrderedDict()
         self._present: Counter[str] = Counter()
         self._homes: OrderedDict[str, int] = OrderedDict()
+        self._machines: OrderedDict[str, None] = OrderedDict()
         self._passed = 0
         self._left: set[asyncio.Task[None]] = set()
 
@@ -164,23 +173,38 @@ class Turns:
 
     def _next(self) -> str | None:
         """Who comes next: one of the first for whom a free place worked last, else the first."""
-        ready = [client for client in self._waiting if client not in self._present][:AHEAD]
+        ready = self._ready()
         if ready:
+            machine = self._machine(dict.fromkeys(map(machine_of, ready)))
+            ready = [client for client in ready if machine_of(client) == machine][:AHEAD]
             here = [client for client in ready if self._homes.get(client, self._free[0]) in self._free]
             self._passed = self._passed + 1 if here and here[0] != ready[0] and self._passed < PASSED else 0
             return here[0] if self._passed else ready[0]
         return next((client for client, wishes in self._waiting.items() if not wishes[0].newest), None)  # a program may use what is idle
 
+    def _ready(self) -> list[str]:
+        """Clients that wait and have no turn, in the order in which they are to have it."""
+        return [client for client in self._waiting if client not in self._present]
+
+    def _machine(self, machines: Mapping[str, None]) -> str:
+        """Which of some machines had no turn for the longest, or none yet."""
+        new = (machine for machine in machines if machine not in self._machines)
+        return next(itertools.chain(new, (machine for machine in self._machines if machine in machines)))
+
+    def _others(self, client: str) -> int:
+        """How many turns of others come before a client's next one, if all wait on."""
+        machines = Counter(machine_of(one) for one in self._ready())
+        own = machines[machine_of(client)]
+        return min(machines.total(), len(machines.keys() | {machine_of(client)}) * (own + 1) - 1)
+
     def _give(self, client: str, wish: _Wish) -> None:
-        others = sum(one not in self._present for one in self._waiting)
+        others = self._others(client)
         free, home = sorted(self._free), self._homes.get(client)
         alone = [home if home in free else free[0]]
         places = alone if others or wish.most == 1 else free[: wish.most]
         self._free = [place for place in free if place not in places]
-        self._homes[client] = places[0]
-        self._homes.move_to_end(client)
-        if len(self._homes) > HOMES:
-            self._homes.popitem(last=False)
+        _remember(self._homes, client, places[0])
+        _remember(self._machines, machine_of(client), None)
         if wish.turn.cancelled():  # its client went just now
             self._free += places
             return
@@ -193,3 +217,11 @@ class Turns:
             del self._present[client]
         self._free += places
         self._serve()
+
+
+def _remember(known: "OrderedDict[str, T]", name: str, value: T) -> None:
+    """Note something of the last ones alone."""
+    known[name] = value
+    known.move_to_end(name)
+    if len(known) > HOMES:
+        known.popitem(last=False)
