@@ -56,7 +56,7 @@ export function offerLink(store: Store, looks: Looks, tell: (text: string) => vo
 }
 
 /** Save the state as a study file, and its engine beside it where it was changed. */
-export function offerStudyFile(store: Store, failed: (error: unknown) => void): void {
+export function offerStudyFile(store: Store, failed: (error: unknown) => void, saved: (text: string) => void): void {
   const saveText = async (kind: "study" | "engine") => {
     const text = await fetchText(`/api/v1/${kind}-file`, store.state);
     save(new Blob([text], { type: "application/toml" }), `${kind}.toml`);
@@ -65,6 +65,9 @@ export function offerStudyFile(store: Store, failed: (error: unknown) => void): 
     try {
       await saveText("study");
       if (Object.keys(store.state.parameters).length > 0) await saveText("engine");
+      saved(
+        "Saved as study.toml. A study has its own controllers, steps and times: the page's stand in it as comments.",
+      );
     } catch (error) {
       failed(error);
     }

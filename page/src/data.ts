@@ -2,7 +2,7 @@
 
 import { type Curve, isProblem, Lost, type Problem, Refused } from "./api";
 import { COLORS } from "./colors";
-import { DASHES, NAMES } from "./curves";
+import { DASHES, NAMES, rangeOf } from "./curves";
 import type { Line } from "./drawing";
 import { showNumber } from "./export";
 import { element } from "./parts";
@@ -260,6 +260,13 @@ export class Data {
   }
 }
 
+/** All curves of a log, but no further off the record than three times what it moves: a model may run away. */
+export function logRange(lines: readonly Line[], recorded: readonly number[]): number[] {
+  const [low, high] = rangeOf(recorded, 2, 0);
+  const room = 3 * (high - low);
+  return lines.flatMap(({ y }) => y.map((value) => Math.min(high + room, Math.max(low - room, value))));
+}
+
 function logPlot(answer: LogAnswer): HTMLElement {
   const plot = new Plot({
     id: "log",
@@ -278,13 +285,10 @@ function logPlot(answer: LogAnswer): HTMLElement {
   add("engine", COLORS.engine, answer.engine);
   const { time_s: x, speed_rad_s: y } = answer.log;
   lines.push({ label: "recorded", color: COLORS.own, x, y, width: 2.2 });
-  const low = Math.min(...y);
-  const high = Math.max(...y);
-  const room = Math.max(1, 0.15 * (high - low));
   const drawing = {
     lines,
     x: [0, answer.duration_s] as [number, number],
-    y: [low - room, high + room] as [number, number],
+    y: rangeOf(logRange(lines, y), 2, 0.05),
   };
   requestAnimationFrame(() => plot.show({ ...drawing, summary: linesOf(answer).join("; ") }));
   return plot.figure;

@@ -37,6 +37,8 @@ export interface Listener {
   slow(seen: Seen): void;
   /** The state, or what was asked about it, is refused. */
   refused(problem: Problem): void;
+  /** Something went wrong that leaves what is shown as true as it was. */
+  told(why: string): void;
   /** No answer came, and why; it is asked for again after so many seconds, 0 for at once. */
   lost(why: string, wait: number): void;
   /** It answers again. */
@@ -80,7 +82,7 @@ export class Following {
   private readonly slow = new Follower<{ state: State; parts: PartName[] }, View>(
     ({ state, parts }) => fetchView(state, parts, "slow"),
     ({ parts }, asked) => this.takeSlow(parts, asked),
-    (error) => this.failed(error),
+    (error, { state }) => this.failedSlow(error, state),
   );
 
   /** Find the view of the state as it is now. */
@@ -110,6 +112,15 @@ export class Following {
     if (error instanceof Refused) this.listener.refused(error.problem);
     else this.listener.broken(error);
     this.listener.stage("settled");
+  }
+
+  /** What went wrong with slow parts leaves the live ones true; of another state it does not matter any more. */
+  private failedSlow(error: unknown, state: State): void {
+    if (!same(state, this.store.state)) return;
+    if (error instanceof Refused && error.problem.status !== 503 && error.problem.status !== 409) {
+      this.listener.told(error.problem.detail);
+      this.listener.stage("settled");
+    } else this.failed(error);
   }
 
   /** Ask again later, each time later than before; once for all that was lost meanwhile. */

@@ -4,7 +4,7 @@ import "uplot/dist/uPlot.min.css";
 import "./style.css";
 import { offerLink, offerSkip, offerStudyFile, offerTheme, offerUndo } from "./actions";
 import { followAddress, readAddress } from "./address";
-import { changeJob, fetchJson, type Job, sendFile, startJob } from "./api";
+import { changeJob, fetchJson, type Job, Refused, sendFile, startJob } from "./api";
 import { Controls } from "./controls";
 import { Data, type FileAnswer } from "./data";
 import { Following } from "./following";
@@ -72,6 +72,7 @@ const following = new Following(store, {
     grey();
     headline.refuse("no view: see the problem at its control");
   },
+  told: (why) => headline.tell(why),
   lost: (why, wait) => {
     grey();
     headline.tell(`${why}; what is shown is the last it said. Asking again ${wait > 0 ? `in ${wait} s` : "now"}.`);
@@ -108,7 +109,14 @@ store.subscribe((state) => {
 });
 need("tour").addEventListener("click", () => tour.start());
 offerLink(store, looks, (text) => headline.tell(text));
-offerStudyFile(store, (error) => following.failed(error));
+offerStudyFile(
+  store,
+  (error) => {
+    if (error instanceof Refused) headline.tell(error.problem.detail);
+    else following.failed(error);
+  },
+  (text) => headline.tell(text),
+);
 offerTheme(() => plots.restyle());
 const showErrors = plots.takeTurns(ERROR_PLOTS, (name) => looks.set({ errors: name }));
 

@@ -25,8 +25,10 @@ export function problemsAt(
   const { response } = found;
   const inner = response && !isProblem(response) ? [response.exact, response.harmonic_balance] : [];
   const swinging = [response, found.models, ...inner]; // what they have no control for is the amplitude's
+  const still = inner.slice(0, 1).some(isProblem); // no sinusoid is to blame where the throttle moves nothing at all
   for (const one of [...Object.values(found), ...inner]) {
     if (!isProblem(one) || typeof one.problem === "string") continue;
+    if (still && one !== inner[0] && swinging.includes(one)) continue;
     const control = one.problem.control ?? (swinging.includes(one) ? "amplitude_deg" : "");
     if (!problems.has(control)) problems.set(control, one.problem.detail);
   }

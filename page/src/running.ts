@@ -54,6 +54,15 @@ export function drawMap(found: Found, state: State): Drawing | undefined {
   return { lines, x: [0, 90], y: [0, rangeOf(map.speed_rad_s, 10)[1]], summary };
 }
 
+/** What belongs into the picture beside the engine's own course: where it is to go, where it was at rest, and limits that it reaches. */
+function alsoInSight(found: Found, state: State, which: "speed_rad_s" | "throttle_deg", start: number): number[] {
+  const loop = whole(found.loop);
+  if (which === "speed_rad_s") return state.step === "command" ? [start + state.command_rad_s] : [];
+  const rest = whole(found.point)?.throttle_deg;
+  const limits = loop?.saturated_share ? (loop.limits_deg ?? []) : [];
+  return [...(rest === undefined ? [] : [rest]), ...limits];
+}
+
 export function drawTime(found: Found, state: State, which: "speed_rad_s" | "throttle_deg"): Drawing | undefined {
   const loop = whole(found.loop);
   if (!loop) return undefined;
@@ -64,8 +73,11 @@ export function drawTime(found: Found, state: State, which: "speed_rad_s" | "thr
   }
   lines.push({ label: "engine", color: COLORS.engine, x: loop.time_s, y: loop[which], width: 2.2 });
   const start = loop[which][0] ?? 0;
-  const asked = which === "speed_rad_s" && state.step === "command" ? [start + state.command_rad_s] : [];
-  const y = rangeOf([...loop[which], ...asked], which === "speed_rad_s" ? 2 : 1, 0.15);
+  const y = rangeOf(
+    [...loop[which], ...alsoInSight(found, state, which, start)],
+    which === "speed_rad_s" ? 2 : 1,
+    0.15,
+  );
   if (which === "speed_rad_s" && state.step === "command") {
     const target = start + state.command_rad_s;
     lines.push({

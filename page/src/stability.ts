@@ -107,12 +107,16 @@ export function drawPlane(found: Found, state: State, controllers: readonly Name
       });
     }
   }
-  const x: [number, number] = [Math.min(low, state.kp), Math.max(high, state.kp * 1.05)];
-  const y: [number, number] = [0, Math.max(top, state.ki * 1.05)];
+  const room = (high - low) * 0.04;
+  const x: [number, number] = [state.kp < low + room ? state.kp - room : low, Math.max(high, state.kp + room)];
+  const y: [number, number] = [state.ki < 0 ? state.ki - 0.04 * top : 0, Math.max(top, state.ki * 1.05)];
   for (const one of controllers) {
-    const color = one.name === "C1" ? COLORS.g1 : one.name === "C2" ? COLORS.g2 : COLORS.g2d;
+    const model = one.name === "C1" ? "g1" : one.name === "C2" ? "g2" : "g2d";
     const inside = one.kp >= x[0] && one.kp <= x[1] && one.ki <= y[1];
-    lines.push({ label: one.name, color, x: [one.kp], y: [one.ki], marker: "ring", width: 4, quiet: !inside });
+    const here = one.kd === gains.kd; // else another plane's: this one's shade says nothing of it
+    const label = here ? one.name : `${one.name}, of kd ${one.kd}`;
+    const color = here ? COLORS[model] : COLORS[`${model}_faint`];
+    lines.push({ label, color, x: [one.kp], y: [one.ki], marker: "ring", width: 4, quiet: !inside });
   }
   lines.push({ label: "these gains", color: COLORS.mark, x: [state.kp], y: [state.ki], marker: "dot", width: 5 });
   const shade = { rows: gains.shade, x: [low, high] as [number, number], y: [0, top] as [number, number] };

@@ -59,7 +59,7 @@ export const STOPS: readonly Stop[] = [
   },
   {
     title: "All gains at once",
-    text: "The shaded area holds every kp and ki that stabilise the exact loop at this kd; its edge is exact. C1 and C2 lie outside. Click or drag in it to choose gains, then move throttle or load: the area changes, and gains must hold everywhere the engine runs.",
+    text: "The shaded area holds every kp and ki that stabilise the exact loop at this kd; its edge is exact. C1 is faint here: it has another kd, at which it lies outside. Click or drag in it to choose gains, then move throttle or load: the area changes, and gains must hold everywhere the engine runs.",
     look: ["plane"],
     state: { kp: 0.6, ki: 3, kd: 0.03, command_rad_s: 60, until_s: 3 },
   },

@@ -21,6 +21,7 @@ function follow(...ways: Answer[]) {
     slow: ({ found }) => shown.push({ ...found }),
     refused: ({ detail }) => said.push(`refused: ${detail}`),
     lost: (why, wait) => said.push(`lost: ${why}, ${wait}`),
+    told: (why) => said.push(`told: ${why}`),
     back: () => said.push("back"),
     broken: (error) => said.push(`broken: ${error}`),
     stage: (stage) => said.push(stage),
@@ -104,6 +105,29 @@ describe("what follows the server", () => {
     expect(shown).toHaveLength(before + 1);
     expect(shown.at(-1)?.loop).toBeDefined();
     expect(shown.at(-1)?.map).toEqual(kept);
+  });
+
+  it("leaves live parts as they are where slow ones fail, and says nothing of those of another state", async () => {
+    const fault: Answer = () => Response.json({ detail: "a fault", status: 500 }, { status: 500 });
+    const { said, asked, store, rest } = follow(whole, whole, fault);
+    await rest();
+    expect(said).toEqual(["drawn", "told: a fault", "settled"]);
+    let fail: (answer: Response) => void = () => {};
+    vi.stubGlobal("fetch", (_: string, { body }: { body: string }) => {
+      const { parts } = JSON.parse(body) as { parts: PartName[] };
+      asked.push(parts);
+      if (!parts.includes("peaks") || asked.length > 6) return Promise.resolve(whole(parts));
+      return new Promise<Response>((answer) => {
+        fail = answer;
+      });
+    });
+    store.set({ load_n_m: 3 });
+    await rest();
+    store.set({ load_n_m: 4 });
+    fail(await fault([]));
+    await rest();
+    expect(said.filter((text) => text.startsWith("told"))).toHaveLength(1);
+    expect(said.at(-1)).toBe("settled");
   });
 
   it("says that it failed to show a view, and shows the next", async () => {

@@ -101,6 +101,15 @@ def test_a_study_file_is_one_that_a_study_reads(entries: dict[str, Any], tmp_pat
         assert config.throttle_deg == state.throttle
 
 
+def test_what_a_study_does_not_take_stands_in_its_file_as_comments() -> None:
+    entries = {"kp": 0.5, "low_deg": 5.0, "high_deg": 60.0, "step": "load", "load_step_n_m": 7.0, "until_s": 9.0}
+    text = format_study(parse_state(entries))
+    for line in ("# kp = 0.5", "# low_deg = 5.0", "# high_deg = 60.0", '# step = "load"', "# load_step_n_m = 7.0", "# until_s = 9.0"):
+        assert line in text.splitlines()
+    assert "throttle_step_deg" not in text
+    assert not any(line.startswith(tuple(entries)) for line in text.splitlines())
+
+
 def test_a_study_s_amplitude_must_have_room() -> None:
     with pytest.raises(InvalidInputError, match="amplitude_deg = 20 deg leaves 0 to 90 deg from 10 deg; give 10 deg or less"):
         format_study(State(throttle_deg=10.0, amplitude_deg=20.0))

@@ -108,7 +108,7 @@ HUNTS_FASTER = (
             {"kp": 0.3, "ki": 0.5, "kd": 0.0, "command_rad_s": 700.0, "until_s": 20.0},
             "stable, gain margin 16.2 dB, Ms 1.40; the engine rests 116 rad/s off its target",
         ),
-        (2, {"kp": 0.3, "ki": 0.5, "kd": 0.0, "command_rad_s": -239.0}, "stable, gain margin 16.2 dB, Ms 1.40; on the engine: stalls"),
+        (2, {"kp": 0.3, "ki": 0.5, "kd": 0.0, "command_rad_s": -239.0}, "stable, gain margin 16.2 dB, Ms 1.40; the engine stalls"),
     ],
 )
 def test_the_line_says_what_is_true(k: int, entries: dict[str, Any], verdict: str) -> None:

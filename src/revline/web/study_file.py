@@ -1,5 +1,7 @@
 """A state as a study file that `revline study` runs."""
 
+import json
+
 from revline.errors import InvalidInputError
 from revline.studies.config import BUILT_IN
 from revline.web.plants import find_point, place_of
@@ -12,7 +14,8 @@ ENGINE_FILE = "engine.toml"
 def format_study(state: State) -> str:
     """Write a state as the text of a study file.
 
-    The study has its own controllers; the state's gains are noted as a comment. A changed engine is named as a file beside it.
+    The study has its own controllers, steps and times; what the state has of these is noted as comments. A changed engine is named as a
+    file beside it.
 
     Raises:
         InvalidInputError: the operating point has no room for the study's amplitude or range.
@@ -40,5 +43,18 @@ def format_study(state: State) -> str:
         half = min(15.0, room)
         steps = [step for step in (5.0, 10.0) if angle + step <= 90.0] or [-5.0]
         lines += [f"half_range_deg = {half!r}", f"steps_deg = {steps!r}"]
-    lines.append(f"# on the page: kp = {state.kp!r}, ki = {state.ki!r}, kd = {state.kd!r} by hand")
+    lines += ["", "# Also on the page, and no part of a study, which has controllers, steps and times of its own:", *_notes(state)]
     return "\n".join(lines) + "\n"
+
+
+def _notes(state: State) -> list[str]:
+    """What a study does not take, each line a comment."""
+    entries: dict[str, object] = {"kp": state.kp, "ki": state.ki, "kd": state.kd, "low_deg": state.low_deg, "high_deg": state.high_deg}
+    entries |= {"step": state.step, "until_s": state.until_s}
+    if state.step == "load":
+        entries["load_step_n_m"] = state.load_step_n_m
+    if state.step == "throttle":
+        entries["throttle_step_deg"] = state.throttle_step_deg
+    if state.speed_rad_s is not None:
+        entries["speed_rad_s"] = state.speed_rad_s
+    return [f"# {name} = {json.dumps(value)}" for name, value in entries.items() if value is not None]

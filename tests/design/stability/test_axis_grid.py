@@ -46,8 +46,9 @@ def test_a_delay_that_turns_whole_circles_between_points_is_followed() -> None:
     assert np.max(10.0 * np.diff(found.grid)) <= PHASE_STEP
 
 
-def test_a_size_that_changes_without_turning_is_followed() -> None:
-    found = follow(lambda w: (w[None] ** 2).astype(complex), np.array([1.0, 1e3]), delay=0.0, name="a square")
+@pytest.mark.parametrize("power", [2.0, -2.0])
+def test_a_size_that_changes_without_turning_is_followed(power: float) -> None:
+    found = follow(lambda w: (w[None] ** power).astype(complex), np.array([1.0, 1e3]), delay=0.0, name="a power")
     steps = np.diff(np.log(np.abs(found.values[0])))
-    assert np.max(steps) <= SIZE_STEP
-    assert np.sum(steps) == pytest.approx(2.0 * np.log(1e3))
+    assert np.max(np.abs(steps)) <= SIZE_STEP
+    assert np.sum(steps) == pytest.approx(power * np.log(1e3))

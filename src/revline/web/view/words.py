@@ -23,7 +23,8 @@ def view_words(point: Record, margins: Record, promises: Record, loop: Record) -
     """
     if "problem" in point:
         return {"verdict": f"no operating point: {point['problem']['detail']}", "lines": []}
-    lines = [*_point_lines(point), *_model_lines(promises), *_engine_lines(margins, loop)]
+    models = [] if "problem" in margins else _model_lines(promises)
+    lines = [*_point_lines(point), *models, *_engine_lines(margins, loop)]
     return {"verdict": verdict(point, margins, promises, loop), "lines": lines}
 
 
