@@ -18,6 +18,8 @@ import { type State, same } from "./state";
 import type { Store } from "./store";
 
 const REST = 250;
+/** After so many ms without an answer to the first view of an engine its wait is explained. */
+const COMPILING = 1500;
 const SLOW: readonly PartName[] = ["peaks", "contours", "cycle", "validity"];
 
 /** What was found, the state it was found for, and what the server left for later. */
@@ -60,6 +62,8 @@ export class Following {
   private attempts = 0;
   private retry: ReturnType<typeof setTimeout> | undefined;
   private resting: ReturnType<typeof setTimeout> | undefined;
+  private compiling: ReturnType<typeof setTimeout> | undefined;
+  private engine = "";
 
   constructor(
     private readonly store: Store,
@@ -88,6 +92,14 @@ export class Following {
   /** Find the view of the state as it is now. */
   start(): void {
     this.newest = this.store.state;
+    if (this.newest.engine !== this.engine) {
+      this.engine = this.newest.engine;
+      clearTimeout(this.compiling);
+      this.compiling = setTimeout(
+        () => this.listener.told(`The engine ${this.engine} is compiled: this takes some seconds once.`),
+        COMPILING,
+      );
+    }
     this.live.follow(this.newest);
   }
 
@@ -102,6 +114,7 @@ export class Following {
 
   /** Say what went wrong with a question, and ask again where no answer came. */
   failed(error: unknown): void {
+    clearTimeout(this.compiling);
     const busy = error instanceof Refused && error.problem.status === 503;
     if (busy || error instanceof Lost) {
       this.askAgain(error);
@@ -180,6 +193,7 @@ export class Following {
     this.take(answer, parts, asked);
     this.left = parts.includes("map") || this.known("map", asked) ? later : [...later, "map"];
     this.shown = asked;
+    clearTimeout(this.compiling);
     this.attempts = 0;
     this.listener.live(this.seen);
     if (this.retry !== undefined) {

@@ -107,6 +107,21 @@ describe("what follows the server", () => {
     expect(shown.at(-1)?.map).toEqual(kept);
   });
 
+  it("says why the first view of an engine takes long, and not of an engine that is ready", async () => {
+    const slow: Answer = (parts) => new Promise((done) => setTimeout(() => done(whole(parts)), 2000));
+    const { said, store, rest } = follow(whole, whole, whole, slow);
+    await rest();
+    store.set({ engine: "lee1995-generic" });
+    await vi.advanceTimersByTimeAsync(1600);
+    expect(said.at(-1)).toBe("told: The engine lee1995-generic is compiled: this takes some seconds once.");
+    await rest();
+    expect(said.filter((text) => text.startsWith("told"))).toHaveLength(1);
+    expect(said.at(-1)).toBe("settled");
+    store.set({ kp: 0.5 });
+    await rest();
+    expect(said.filter((text) => text.startsWith("told"))).toHaveLength(1);
+  });
+
   it("leaves live parts as they are where slow ones fail, and says nothing of those of another state", async () => {
     const fault: Answer = () => Response.json({ detail: "a fault", status: 500 }, { status: 500 });
     const { said, asked, store, rest } = follow(whole, whole, fault);
