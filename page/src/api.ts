@@ -3,6 +3,7 @@
 import type { State } from "./state";
 
 export interface Problem {
+  type?: string;
   title: string;
   detail: string;
   status: number;

@@ -18,6 +18,8 @@ import { type State, same } from "./state";
 import type { Store } from "./store";
 
 const REST = 250;
+/** Slow parts that a server had no time for are asked for again after so many ms. */
+const BUSY = 4000;
 /** After so many ms without an answer to the first view of an engine its wait is explained. */
 const COMPILING = 1500;
 const SLOW: readonly PartName[] = ["peaks", "contours", "cycle", "validity"];
@@ -130,10 +132,13 @@ export class Following {
   /** What went wrong with slow parts leaves the live ones true; of another state it does not matter any more. */
   private failedSlow(error: unknown, state: State): void {
     if (!same(state, this.store.state)) return;
-    if (error instanceof Refused && error.problem.status !== 503 && error.problem.status !== 409) {
-      this.listener.told(error.problem.detail);
-      this.listener.stage("settled");
-    } else this.failed(error);
+    if (!(error instanceof Refused) || error.problem.status === 409) {
+      this.failed(error);
+      return;
+    }
+    this.listener.told(error.problem.detail);
+    this.listener.stage("settled");
+    if (error.problem.type === "/problems/too-busy") this.askSlow(BUSY); // one that took too long would do so again
   }
 
   /** Ask again later, each time later than before; once for all that was lost meanwhile. */
@@ -218,7 +223,7 @@ export class Following {
     this.listener.stage("settled");
   }
 
-  private askSlow(): void {
+  private askSlow(wait = REST): void {
     clearTimeout(this.resting);
     this.resting = setTimeout(() => {
       const { state } = this.store;
@@ -227,6 +232,6 @@ export class Following {
       const parts = SLOW.filter((part) => !this.known(part, state) && (part !== "cycle" || hunts));
       if (parts.length > 0) this.slow.follow({ state, parts });
       else this.listener.stage("settled");
-    }, REST);
+    }, wait);
   }
 }

@@ -17,6 +17,11 @@ export class Headline {
     verdict.className = left.length > 0 && !found.margins ? "" : toneOf(found);
   }
 
+  /** Say that the line is no longer sure, and neither good nor bad. */
+  grey(): void {
+    this.verdict.className = "stale";
+  }
+
   /** Say why there is no view. */
   refuse(why: string): void {
     this.verdict.textContent = why;

@@ -46,6 +46,7 @@ window.workbench = { state: () => store.state, csv: (name) => plots.csv(name) };
 function grey(reason?: string): void {
   plots.grey(reason);
   numbers.grey();
+  headline.grey();
 }
 
 /** Draw what was found, and tell its problems at their controls. */

@@ -107,6 +107,26 @@ describe("what follows the server", () => {
     expect(shown.at(-1)?.map).toEqual(kept);
   });
 
+  it("asks for slow parts again where there was no time for them, and not where they took too long", async () => {
+    const refusal =
+      (type: string): Answer =>
+      () =>
+        Response.json({ type: `/problems/${type}`, detail: type, status: 503 }, { status: 503 });
+    const { said, shown, store, rest } = follow(whole, whole, refusal("too-busy"));
+    await rest();
+    expect(said).toEqual(["drawn", "told: too-busy", "settled"]);
+    await rest();
+    expect(shown.at(-1)?.peaks).toBeDefined();
+    expect(said).toHaveLength(4);
+    const late = follow(whole, whole, refusal("out-of-time"));
+    await rest();
+    await rest();
+    await rest();
+    expect(late.said).toEqual(["drawn", "told: out-of-time", "settled"]);
+    expect(late.asked).toHaveLength(3);
+    expect(store.state.kp).toBe(DEFAULTS.kp);
+  });
+
   it("says why the first view of an engine takes long, and not of an engine that is ready", async () => {
     const slow: Answer = (parts) => new Promise((done) => setTimeout(() => done(whole(parts)), 2000));
     const { said, store, rest } = follow(whole, whole, whole, slow);

@@ -16,15 +16,15 @@ from revline.web.view.build import GROUPS, OF_WORDS, WORDS, check_parts
 from revline.web.view.words import view_words
 from revline.web.workers import Crew, WorkerError
 
-ROUND: Final = 0.4
+ROUND: Final = 0.25
 """Seconds in which each client that waits has its turn, where it lets parts be left for later."""
 
 FEW: Final = 2
 """While no more clients than this wait, nothing is left for later."""
 
-FIRST: Final = ("point", "margins", "loop", "promises", "gains", "answers")
+FIRST: Final = ("point", "loop", "margins", "promises", "gains", "answers")
 ORDER: Final = (*FIRST, *(name for group in GROUPS for name in group if name not in FIRST))
-"""Live parts, those first that a page shows a move by; the verdict in words is made once its parts are there."""
+"""Live parts, those first that a page shows a move by, the quickest of these before; the verdict in words is made once its parts are there."""
 
 MODELS: Final = "models"
 PROMISES: Final = "promises"

@@ -128,7 +128,8 @@ def test_a_server_that_stops_with_a_job_under_way_says_so_and_knows_how_it_ended
         window.page.fill("#kp-number", "0.8")
         window.page.press("#kp-number", "Enter")
         window.page.wait_for_selector("#banner:has-text('does not answer')")
-        assert "stale" in str(window.page.get_attribute("#speed", "class"))
+        for shown in ("#speed", "#numbers", "#verdict"):
+            assert "stale" in str(window.page.get_attribute(shown, "class")), shown
         (note,) = notes(server)
         os.kill(note["process"]["pid"], 0)  # the job goes on without its server
         end(note)
