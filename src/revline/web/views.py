@@ -24,7 +24,7 @@ FEW: Final = 2
 
 FIRST: Final = ("point", "loop", "margins", "promises", "gains", "answers")
 ORDER: Final = (*FIRST, *(name for group in GROUPS for name in group if name not in FIRST))
-"""Live parts, those first that a page shows a move by, the quickest of these before; the verdict in words is made once its parts are there."""
+"""Live parts, those first that a page shows a move by, the quickest before; the verdict in words is made once its parts are there."""
 
 MODELS: Final = "models"
 PROMISES: Final = "promises"
