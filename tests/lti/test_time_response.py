@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -189,7 +189,11 @@ def test_a_transfer_function_answers_as_its_closed_form(model: TransferFunction)
 @settings(max_examples=15)
 def test_steps_add_as_the_systems_do(a: DelayStateSpace, b: DelayStateSpace) -> None:
     times = np.linspace(0.0, 3.0, 50) + 1e-4
-    sides = [step_response(one, times, input_name="u0").values for one in (a, b, parallel(a, b))]
+    try:
+        sides = [step_response(one, times, input_name="u0").values for one in (a, b, parallel(a, b))]
+    except NotConvergedError as error:  # short lags that do not meet: refused by name, as it is to be
+        assert "jumps run through the channels" in str(error)
+        reject()
     assert sides[0] + sides[1] == pytest.approx(sides[2], abs=1e-10)
 
 
