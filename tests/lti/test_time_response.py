@@ -192,7 +192,8 @@ def test_steps_add_as_the_systems_do(a: DelayStateSpace, b: DelayStateSpace) -> 
     try:
         sides = [step_response(one, times, input_name="u0").values for one in (a, b, parallel(a, b))]
     except NotConvergedError as error:  # short lags that do not meet: refused by name, as it is to be
-        assert "jumps run through the channels" in str(error)
+        if "jumps run through the channels" not in str(error):
+            raise
         reject()
     assert sides[0] + sides[1] == pytest.approx(sides[2], abs=1e-10)
 
