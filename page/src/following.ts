@@ -98,7 +98,10 @@ export class Following {
       this.engine = this.newest.engine;
       clearTimeout(this.compiling);
       this.compiling = setTimeout(
-        () => this.listener.told(`The engine ${this.engine} is compiled: this takes some seconds once.`),
+        () =>
+          this.listener.told(
+            `The first view of ${this.engine} takes longer where the engine is compiled first, which is done once.`,
+          ),
         COMPILING,
       );
     }

@@ -54,13 +54,10 @@ export function drawMap(found: Found, state: State): Drawing | undefined {
   return { lines, x: [0, 90], y: [0, rangeOf(map.speed_rad_s, 10)[1]], summary };
 }
 
-/** What belongs into the picture beside the engine's own course: where it is to go, where it was at rest, and limits that it reaches. */
-function alsoInSight(found: Found, state: State, which: "speed_rad_s" | "throttle_deg", start: number): number[] {
-  const loop = whole(found.loop);
-  if (which === "speed_rad_s") return state.step === "command" ? [start + state.command_rad_s] : [];
-  const rest = whole(found.point)?.throttle_deg;
-  const limits = loop?.saturated_share ? (loop.limits_deg ?? []) : [];
-  return [...(rest === undefined ? [] : [rest]), ...limits];
+/** What belongs into the picture of the throttle beside its own course: where it was at rest, and limits that it reaches. */
+function throttleInSight(found: Found): number[] {
+  const [loop, point] = [whole(found.loop), whole(found.point)];
+  return [...(point ? [point.throttle_deg] : []), ...(loop?.saturated_share ? (loop.limits_deg ?? []) : [])];
 }
 
 export function drawTime(found: Found, state: State, which: "speed_rad_s" | "throttle_deg"): Drawing | undefined {
@@ -73,50 +70,21 @@ export function drawTime(found: Found, state: State, which: "speed_rad_s" | "thr
   }
   lines.push({ label: "engine", color: COLORS.engine, x: loop.time_s, y: loop[which], width: 2.2 });
   const start = loop[which][0] ?? 0;
-  const y = rangeOf(
-    [...loop[which], ...alsoInSight(found, state, which, start)],
-    which === "speed_rad_s" ? 2 : 1,
-    0.15,
-  );
-  if (which === "speed_rad_s" && state.step === "command") {
-    const target = start + state.command_rad_s;
-    lines.push({
-      label: "command",
-      color: COLORS.guide,
-      x: [0, state.until_s],
-      y: [target, target],
-      dash: [3, 3],
-      width: 1,
-    });
+  const asked = which === "speed_rad_s" && state.step === "command" ? [start + state.command_rad_s] : [];
+  const also = which === "throttle_deg" ? throttleInSight(found) : asked;
+  const y = rangeOf([...loop[which], ...also], which === "speed_rad_s" ? 2 : 1, 0.15);
+  const level = (value: number, look: Omit<Line, "x" | "y">) =>
+    lines.push({ ...look, x: [0, state.until_s], y: [value, value], width: 1 });
+  for (const target of asked) level(target, { label: "command", color: COLORS.guide, dash: [3, 3] });
+  const limits = which === "throttle_deg" ? (loop.limits_deg ?? []) : [];
+  for (const [k, limit] of limits.entries()) {
+    const label = k ? "upper limit" : "lower limit";
+    level(limit, { label, legend: "limits", quiet: k > 0, color: COLORS.guide, dash: [3, 3] });
   }
-  if (which === "throttle_deg") {
-    for (const [k, limit] of (loop.limits_deg ?? []).entries()) {
-      lines.push({
-        label: k ? "upper limit" : "lower limit",
-        legend: "limits",
-        quiet: k > 0,
-        color: COLORS.guide,
-        x: [0, state.until_s],
-        y: [limit, limit],
-        dash: [3, 3],
-        width: 1,
-      });
-    }
-  }
-  if (which === "speed_rad_s" && loop.limit_cycle) {
-    for (const [k, bound] of [loop.limit_cycle.low_rad_s, loop.limit_cycle.high_rad_s].entries()) {
-      const label = `limit cycle, ${k ? "highest" : "lowest"}`;
-      lines.push({
-        label,
-        legend: "limit cycle",
-        quiet: k > 0,
-        color: COLORS.engine,
-        x: [0, state.until_s],
-        y: [bound, bound],
-        dash: [6, 2],
-        width: 1,
-      });
-    }
+  const cycle = which === "speed_rad_s" ? loop.limit_cycle : undefined;
+  for (const [k, bound] of (cycle ? [cycle.low_rad_s, cycle.high_rad_s] : []).entries()) {
+    const label = `limit cycle, ${k ? "highest" : "lowest"}`;
+    level(bound, { label, legend: "limit cycle", quiet: k > 0, color: COLORS.engine, dash: [6, 2] });
   }
   return {
     lines,

@@ -133,7 +133,9 @@ describe("what follows the server", () => {
     await rest();
     store.set({ engine: "lee1995-generic" });
     await vi.advanceTimersByTimeAsync(1600);
-    expect(said.at(-1)).toBe("told: The engine lee1995-generic is compiled: this takes some seconds once.");
+    expect(said.at(-1)).toBe(
+      "told: The first view of lee1995-generic takes longer where the engine is compiled first, which is done once.",
+    );
     await rest();
     expect(said.filter((text) => text.startsWith("told"))).toHaveLength(1);
     expect(said.at(-1)).toBe("settled");
