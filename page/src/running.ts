@@ -91,6 +91,6 @@ export function drawTime(found: Found, state: State, which: "speed_rad_s" | "thr
     x: [0, state.until_s],
     y,
     ...(state.step === "load" ? { note: "the fitted models know the throttle, not the load" } : {}),
-    summary: loop.summary ?? loop.undecided ?? `starts at ${start.toFixed(1)}`,
+    summary: loop.summary ?? loop.ended ?? loop.undecided ?? `starts at ${start.toFixed(1)}`,
   };
 }
